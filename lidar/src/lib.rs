@@ -1,1 +1,15 @@
-//! stub
+//! What a lidar scan is: point cloud, sensor, range image, ray drop, file formats. No network, no machine learning.
+
+pub mod cloud;
+pub mod label;
+pub mod projection;
+pub mod range_image;
+pub mod ray_drop;
+mod rings;
+pub mod sensor;
+
+pub use cloud::PointCloud;
+pub use projection::{Measured, Projection, Projector};
+pub use range_image::RangeImage;
+pub use rings::RingSource;
+pub use sensor::{Ring, Sensor};

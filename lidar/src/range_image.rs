@@ -1,0 +1,145 @@
+//! A range image: what every ray of a sensor's turn measured, `[ring, column]`.
+
+/// Ranges, reflectances and classes of one scan, each `[ring, column]`, row-major. A range of 0 is the one spelling of "no return";
+/// where there is none, reflectance and class are 0 too.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RangeImage {
+    rings: usize,
+    columns: usize,
+    pub(crate) range_m: Vec<f32>,
+    pub(crate) reflectance: Vec<f32>,
+    pub(crate) class: Vec<u8>,
+}
+
+impl RangeImage {
+    /// An image without a return.
+    pub fn empty(rings: usize, columns: usize) -> Self {
+        let mut image = Self::default();
+        image.clear(rings, columns);
+        image
+    }
+
+    /// An image of these ranges (m, `[ring, column]`, 0 = no return), reflectances (0–1) and classes.
+    ///
+    /// Ranges that are not finite and positive become "no return".
+    ///
+    /// # Panics
+    /// If the three differ in length or do not fill `columns`.
+    pub fn from_channels(columns: usize, range_m: Vec<f32>, reflectance: Vec<f32>, class: Vec<u8>) -> Self {
+        assert!(columns > 0 && range_m.len() % columns == 0, "{} pixels in {columns} columns", range_m.len());
+        assert!(range_m.len() == reflectance.len() && range_m.len() == class.len(), "channels of one length");
+        let mut image = Self { rings: range_m.len() / columns, columns, range_m, reflectance, class };
+        for i in 0..image.range_m.len() {
+            if !(image.range_m[i].is_finite() && image.range_m[i] > 0.0) {
+                image.remove(i);
+            }
+        }
+        image
+    }
+
+    /// Empties the image and gives it this size, reusing its memory.
+    pub fn clear(&mut self, rings: usize, columns: usize) {
+        (self.rings, self.columns) = (rings, columns);
+        let pixels = rings * columns;
+        self.range_m.clear();
+        self.range_m.resize(pixels, 0.0);
+        self.reflectance.clear();
+        self.reflectance.resize(pixels, 0.0);
+        self.class.clear();
+        self.class.resize(pixels, 0);
+    }
+
+    /// Number of rings (rows).
+    pub fn rings(&self) -> usize {
+        self.rings
+    }
+
+    /// Number of columns of a whole turn.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Ranges in metres, 0 where there is no return.
+    pub fn range_m(&self) -> &[f32] {
+        &self.range_m
+    }
+
+    /// Reflectances, 0–1.
+    pub fn reflectance(&self) -> &[f32] {
+        &self.reflectance
+    }
+
+    /// Classes of SemanticKITTI's learning map, 0 = unlabelled.
+    pub fn class(&self) -> &[u8] {
+        &self.class
+    }
+
+    /// Pixels with a return.
+    pub fn returns(&self) -> usize {
+        self.range_m.iter().filter(|r| **r > 0.0).count()
+    }
+
+    /// Makes pixel `i` one without a return.
+    pub fn remove(&mut self, i: usize) {
+        (self.range_m[i], self.reflectance[i], self.class[i]) = (0.0, 0.0, 0);
+    }
+
+    /// Sets pixel `i` to a return. `range_m` must be positive and finite.
+    pub fn set(&mut self, i: usize, range_m: f32, reflectance: f32, class: u8) {
+        debug_assert!(range_m > 0.0 && range_m.is_finite(), "range {range_m}");
+        (self.range_m[i], self.reflectance[i], self.class[i]) = (range_m, reflectance, class);
+    }
+
+    /// Writes the model's input: range (m), reflectance and class index as one `[3, ring, column]` block.
+    ///
+    /// # Panics
+    /// If `out` is not three images long.
+    pub fn write_tensor(&self, out: &mut [f32]) {
+        let pixels = self.range_m.len();
+        assert_eq!(out.len(), 3 * pixels, "a [3, ring, column] block");
+        out[..pixels].copy_from_slice(&self.range_m);
+        out[pixels..2 * pixels].copy_from_slice(&self.reflectance);
+        for (to, class) in out[2 * pixels..].iter_mut().zip(&self.class) {
+            *to = f32::from(*class);
+        }
+    }
+
+    /// The image on a coarser grid of columns: each coarse pixel takes the nearest return of the fine pixels whose centres it covers.
+    pub fn resample_columns(&self, columns: usize) -> Self {
+        let mut out = Self::empty(self.rings, columns);
+        for ring in 0..self.rings {
+            for column in 0..self.columns {
+                let from = ring * self.columns + column;
+                let range_m = self.range_m[from];
+                let to = ring * columns + (2 * column + 1) * columns / (2 * self.columns);
+                if range_m > 0.0 && (out.range_m[to] == 0.0 || range_m < out.range_m[to]) {
+                    out.set(to, range_m, self.reflectance[from], self.class[from]);
+                }
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coarser_grid_takes_the_nearest_return_of_what_it_covers() {
+        let image = RangeImage::from_channels(4, vec![9.0, 5.0, 0.0, 7.0], vec![0.9, 0.5, 0.3, 0.7], vec![9, 5, 3, 7]);
+        let coarse = image.resample_columns(2);
+        assert_eq!(coarse.range_m(), [5.0, 7.0]);
+        assert_eq!(coarse.reflectance(), [0.5, 0.7]);
+        assert_eq!(image.resample_columns(4), image);
+    }
+
+    #[test]
+    fn no_return_has_one_spelling() {
+        let image =
+            RangeImage::from_channels(5, vec![1.0, f32::NAN, -1.0, f32::INFINITY, 0.0], vec![0.5; 5], vec![3; 5]);
+        assert_eq!(image.range_m(), [1.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(image.reflectance(), [0.5, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(image.returns(), 1);
+    }
+}
