@@ -1,0 +1,16 @@
+//! What Burn computes and what ONNX Runtime computes from the exported file are the same numbers.
+//!
+//! Every file that these tests export also passes Python's `onnx.checker`, where Python has it.
+
+mod checker;
+mod comparison;
+mod dynamic;
+mod elementwise;
+mod file;
+mod layers;
+mod norms;
+mod refusals;
+mod resizing;
+mod runtime;
+mod sample;
+mod shapes;

@@ -1,0 +1,72 @@
+//! ONNX Runtime, as a function from a file and its inputs to its outputs.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use burn::tensor::{DType, TensorData};
+use ort::environment::Environment;
+use ort::session::builder::GraphOptimizationLevel;
+use ort::session::{Session, SessionInputValue};
+use ort::value::{Tensor, TensorElementType};
+
+/// `ORT_DYLIB_PATH`, or the library beside the test executable, or one directory up, where `target/release` is.
+fn library() -> PathBuf {
+    if let Some(path) = std::env::var_os("ORT_DYLIB_PATH") {
+        return path.into();
+    }
+    let executable = std::env::current_exe().unwrap();
+    let found =
+        executable.ancestors().skip(1).take(2).map(|dir| dir.join("libonnxruntime.so")).find(|path| path.exists());
+    found.unwrap_or_else(|| {
+        panic!("no libonnxruntime.so beside {} or above it: run scripts/fetch-onnxruntime.sh", executable.display())
+    })
+}
+
+fn environment() -> &'static Environment {
+    static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
+    ENVIRONMENT.get_or_init(|| ort::environment::init_from(library()).unwrap().build().unwrap())
+}
+
+/// Runs a file; inputs and outputs in the graph's order.
+pub(crate) fn run(file: &[u8], inputs: &[TensorData]) -> Vec<TensorData> {
+    let mut session =
+        Session::builder(environment()).unwrap().with_intra_threads(1).unwrap().commit_from_memory(file).unwrap();
+    let names: Vec<String> = session.inputs().iter().map(|input| input.name().to_owned()).collect();
+    let values: Vec<(String, SessionInputValue<'_>)> = names.into_iter().zip(inputs.iter().map(value)).collect();
+    let outputs = session.run(values).unwrap();
+    outputs.values().map(|output| data(&output)).collect()
+}
+
+/// Writes the file as ONNX Runtime would execute it, after its optimisations that hold on every machine.
+pub(crate) fn optimise(file: &[u8], to: &Path) {
+    let builder =
+        Session::builder(environment()).unwrap().with_optimization_level(GraphOptimizationLevel::Level2).unwrap();
+    builder.with_optimized_model_path(to).unwrap().commit_from_memory(file).unwrap();
+}
+
+fn value(data: &TensorData) -> SessionInputValue<'static> {
+    let shape: Vec<i64> = data.shape().iter().map(|size| *size as i64).collect();
+    match data.dtype() {
+        DType::F32 => Tensor::from_array((shape, data.iter::<f32>().collect::<Vec<_>>())).unwrap().into(),
+        DType::I32 => Tensor::from_array((shape, data.iter::<i32>().collect::<Vec<_>>())).unwrap().into(),
+        DType::I64 => Tensor::from_array((shape, data.iter::<i64>().collect::<Vec<_>>())).unwrap().into(),
+        DType::Bool(_) => Tensor::from_array((shape, data.iter::<bool>().collect::<Vec<_>>())).unwrap().into(),
+        other => panic!("no test feeds {other:?}"),
+    }
+}
+
+fn data(value: &ort::value::DynValue) -> TensorData {
+    fn data<T: ort::value::PrimitiveTensorElementType + burn::tensor::Element>(
+        value: &ort::value::DynValue,
+    ) -> TensorData {
+        let (shape, values) = value.try_extract_tensor::<T>().unwrap();
+        TensorData::new(values.to_vec(), shape.iter().map(|size| *size as usize).collect::<Vec<_>>())
+    }
+    match value.dtype().tensor_type().unwrap() {
+        TensorElementType::Float32 => data::<f32>(value),
+        TensorElementType::Int32 => data::<i32>(value),
+        TensorElementType::Int64 => data::<i64>(value),
+        TensorElementType::Bool => data::<bool>(value),
+        other => panic!("no test reads {other:?}"),
+    }
+}
