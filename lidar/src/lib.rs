@@ -1,7 +1,10 @@
 //! What a lidar scan is: point cloud, sensor, range image, ray drop, file formats. No network, no machine learning.
 
+mod azimuth;
 pub mod cloud;
+pub mod formats;
 pub mod label;
+pub mod metrics;
 pub mod projection;
 pub mod range_image;
 pub mod ray_drop;
