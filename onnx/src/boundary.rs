@@ -17,10 +17,11 @@ pub trait Boundary: Sized {
 }
 
 macro_rules! tensor_boundary {
-    ($($kind:ty),+) => {
+    ($($kind:ty: $transfer:expr),+) => {
         $(impl<const D: usize> Boundary for Tensor<D, $kind> {
             fn to_capture(self, device: &Device) -> Self {
-                self.without_autodiff().to_device(device)
+                let transfer: fn(Self, &Device) -> Self = $transfer;
+                transfer(self.without_autodiff(), device)
             }
 
             fn captured(&self) -> Result<Vec<TensorIr>, Error> {
@@ -47,7 +48,13 @@ macro_rules! tuple_boundary {
     };
 }
 
-tensor_boundary!(Float, Int, Bool);
+// Integers and truth values take the capture device's types, int64 and one byte, whatever the device at home has: the
+// integers that a forward pass makes on the way have them too, and Burn adds only like to like.
+tensor_boundary!(
+    Float: |tensor, device| tensor.to_device(device),
+    Int: |tensor, device| Tensor::from_data(tensor.into_data(), device),
+    Bool: |tensor, device| Tensor::from_data(tensor.into_data(), device)
+);
 tuple_boundary!(A 0);
 tuple_boundary!(A 0, B 1);
 tuple_boundary!(A 0, B 1, C 2);

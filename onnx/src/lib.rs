@@ -39,10 +39,12 @@
 //! - Read a value back: `into_scalar()`, `to_data()` and branches on values panic, for under capture there are none.
 //! - Draw random numbers: an [`Error::Operation`]; make the noise an input.
 //! - Fold a dynamic size into a number or a constant tensor: `x / width as f32`, or a table of `width` floats. These differ
-//!   from trace to trace and are refused. Integer ramps are fine: `Tensor::arange(0..width)` becomes `Range`.
+//!   from trace to trace and are refused; so is `var` over a dynamic axis, which divides by its length. Integer ramps are
+//!   fine: `Tensor::arange(0..width)` becomes `Range`.
 //! - Take a different course at different sizes, for example a loop over the columns: [`Error::Diverging`].
 //! - Create tensors on a stored device: use `input.device()`.
 //!
+//! Integers are int64 in the file, whatever integers the module's device has.
 //! Dropout and batch normalisation are exported as in [`Module::valid`](burn::module::Module::valid).
 
 mod axis;

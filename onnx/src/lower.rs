@@ -133,7 +133,7 @@ impl<'a> Lowering<'a> {
             return Ok(());
         }
         match operation {
-            OperationIr::Init(_) | OperationIr::Drop(_) => {}
+            OperationIr::Drop(_) => {}
             OperationIr::BaseFloat(base) | OperationIr::BaseInt(base) | OperationIr::BaseBool(base) => {
                 self.base(base)?;
             }

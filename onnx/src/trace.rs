@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use burn::backend::TensorData;
 use burn::backend::capture::{CaptureBackend, TensorId};
 use burn::backend::ir::{OperationIr, TensorIr};
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Bool, Device, Int, Tensor};
 
 use crate::boundary::Boundary;
@@ -37,7 +37,7 @@ impl Trace {
         let mut boundary = Err(Error::ForeignTensor);
         let mut parameters = HashMap::new();
         let captured = device.capture_scope(|scope| {
-            let module = module.to_device(&device);
+            let module = module.to_device(&device).map(&mut Integers(&device));
             let mut names = ParameterNames::default();
             module.visit(&mut names);
             parameters = names.of;
@@ -62,7 +62,18 @@ impl Trace {
         let captured = captured?;
         let mut constants = captured.values;
         constants.retain(|id, _| inputs.iter().all(|tensor| tensor.id != *id));
-        Ok(Self { operations: captured.graph.operations, inputs, outputs, constants, parameters })
+        let mut operations = captured.graph.operations;
+        operations.retain(|operation| !matches!(operation, OperationIr::Init(_)));
+        Ok(Self { operations, inputs, outputs, constants, parameters })
+    }
+}
+
+/// Gives integer parameters the capture device's integer type, as [`Boundary`] does for inputs.
+struct Integers<'a>(&'a Device);
+
+impl ModuleMapper for Integers<'_> {
+    fn map_int<const D: usize>(&mut self, param: Param<Tensor<D, Int>>) -> Param<Tensor<D, Int>> {
+        param.map(|tensor| Tensor::from_data(tensor.into_data(), self.0))
     }
 }
 

@@ -48,8 +48,8 @@ fn value(data: &TensorData) -> SessionInputValue<'static> {
     let shape: Vec<i64> = data.shape().iter().map(|size| *size as i64).collect();
     match data.dtype() {
         DType::F32 => Tensor::from_array((shape, data.iter::<f32>().collect::<Vec<_>>())).unwrap().into(),
-        DType::I32 => Tensor::from_array((shape, data.iter::<i32>().collect::<Vec<_>>())).unwrap().into(),
-        DType::I64 => Tensor::from_array((shape, data.iter::<i64>().collect::<Vec<_>>())).unwrap().into(),
+        // The file's integers are int64, whatever Flex has.
+        DType::I32 | DType::I64 => Tensor::from_array((shape, data.iter::<i64>().collect::<Vec<_>>())).unwrap().into(),
         DType::Bool(_) => Tensor::from_array((shape, data.iter::<bool>().collect::<Vec<_>>())).unwrap().into(),
         other => panic!("no test feeds {other:?}"),
     }
@@ -69,4 +69,27 @@ fn data(value: &ort::value::DynValue) -> TensorData {
         TensorElementType::Bool => data::<bool>(value),
         other => panic!("no test reads {other:?}"),
     }
+}
+
+/// Inputs and outputs as ONNX Runtime reads them, for example `scan: f32 [batch, 3, 64, column]`.
+pub(crate) fn describe(file: &[u8]) -> Vec<String> {
+    let session = Session::builder(environment()).unwrap().commit_from_memory(file).unwrap();
+    let one = |outlet: &ort::value::Outlet| {
+        let ort::value::ValueType::Tensor { ty, shape, dimension_symbols } = outlet.dtype() else {
+            panic!("no tensor")
+        };
+        let sizes: Vec<String> = shape
+            .iter()
+            .zip(dimension_symbols.iter())
+            .map(|(size, symbol)| if symbol.is_empty() { size.to_string() } else { symbol.clone() })
+            .collect();
+        format!("{}: {ty} [{}]", outlet.name(), sizes.join(", "))
+    };
+    session.inputs().iter().chain(session.outputs()).map(one).collect()
+}
+
+/// A metadata property of a file.
+pub(crate) fn metadata(file: &[u8], key: &str) -> Option<String> {
+    let session = Session::builder(environment()).unwrap().commit_from_memory(file).unwrap();
+    session.metadata().unwrap().custom(key)
 }
