@@ -45,9 +45,9 @@ pub fn write(path: &Path, cloud: &PointCloud) -> Result<(), FormatError> {
     let bytes = encode(format, cloud)?;
     if let (Some(labels), Format::Kitti | Format::NuScenes) = (&cloud.label, format) {
         let [beside, _] = label_paths(path, format);
-        write_bytes(&beside, &encode_labels(labels))?;
+        write_atomically(&beside, &encode_labels(labels))?;
     }
-    write_bytes(path, &bytes)
+    write_atomically(path, &bytes)
 }
 
 /// Where the labels of a `.bin` may be: beside it, or in SemanticKITTI's `labels` beside `velodyne`.
@@ -75,8 +75,8 @@ fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>, FormatError> {
     Ok(bytes)
 }
 
-/// Writes beside the file's place, asks the disk to keep it, and renames it.
-fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
+/// Writes a file whole or not at all: beside its place, kept by the disk, then renamed.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
     static WRITES: AtomicU64 = AtomicU64::new(0);
     let io = |source| FormatError::Io { path: path.into(), source };
     let count = WRITES.fetch_add(1, Ordering::Relaxed);

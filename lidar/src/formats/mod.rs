@@ -28,7 +28,7 @@ use crate::PointCloud;
 use crate::label::CarlaTags;
 
 pub use error::FormatError;
-pub use io::{read, write};
+pub use io::{read, write, write_atomically};
 pub use labels::{decode_labels, encode_labels};
 
 /// A point cloud file format.
