@@ -143,7 +143,7 @@ impl<'a> Lowering<'a> {
                 self.cast(cast)?;
             }
             OperationIr::Int(Int::Matmul(matmul)) => {
-                self.emit("MatMul", &[&matmul.lhs, &matmul.rhs], &matmul.out, vec![])
+                self.emit("MatMul", &[&matmul.lhs, &matmul.rhs], &matmul.out, vec![]);
             }
             OperationIr::Bool(Bool::Not(unary)) => self.emit("Not", &[&unary.input], &unary.out, vec![]),
             OperationIr::Bool(Bool::And(pair)) => self.emit("And", &[&pair.lhs, &pair.rhs], &pair.out, vec![]),

@@ -2,7 +2,10 @@
 
 use burn::module::{Module, Param, ParamId};
 use burn::nn::conv::{Conv1d, Conv1dConfig, Conv2d, Conv2dConfig, ConvTranspose2d, ConvTranspose2dConfig};
-use burn::nn::pool::{AdaptiveAvgPool2dConfig, AvgPool1dConfig, AvgPool2dConfig, MaxPool1dConfig, MaxPool2dConfig};
+use burn::nn::pool::{
+    AdaptiveAvgPool2d, AdaptiveAvgPool2dConfig, AvgPool1dConfig, AvgPool2d, AvgPool2dConfig, MaxPool1dConfig,
+    MaxPool2d, MaxPool2dConfig,
+};
 use burn::nn::{
     Embedding, EmbeddingConfig, Linear, LinearConfig, PRelu, PReluConfig, PaddingConfig1d, PaddingConfig2d,
 };
@@ -55,19 +58,19 @@ fn transposed_convolutions_of_every_geometry() {
 
 #[test]
 fn pooling() {
-    layer_agrees(MaxPool2dConfig::new([2, 2]).with_strides([2, 2]).init(), 1, |pool, x| pool.forward(x));
+    layer_agrees(MaxPool2dConfig::new([2, 2]).with_strides([2, 2]).init(), 1, MaxPool2d::forward);
     let padded = MaxPool2dConfig::new([3, 3]).with_strides([2, 2]).with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1));
-    layer_agrees(padded.init(), 1, |pool, x| pool.forward(x));
+    layer_agrees(padded.init(), 1, MaxPool2d::forward);
     layer_agrees(MaxPool2dConfig::new([2, 2]).with_strides([1, 1]).with_dilation([2, 1]).init(), 1, |pool, x| {
         pool.forward(x)
     });
-    layer_agrees(AvgPool2dConfig::new([2, 2]).with_strides([2, 2]).init(), 1, |pool, x| pool.forward(x));
+    layer_agrees(AvgPool2dConfig::new([2, 2]).with_strides([2, 2]).init(), 1, AvgPool2d::forward);
     for count in [false, true] {
         let padded =
             AvgPool2dConfig::new([3, 3]).with_strides([2, 2]).with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1));
-        layer_agrees(padded.with_count_include_pad(count).init(), 1, |pool, x| pool.forward(x));
+        layer_agrees(padded.with_count_include_pad(count).init(), 1, AvgPool2d::forward);
     }
-    layer_agrees(AdaptiveAvgPool2dConfig::new([1, 1]).init(), 1, |pool, x| pool.forward(x));
+    layer_agrees(AdaptiveAvgPool2dConfig::new([1, 1]).init(), 1, AdaptiveAvgPool2d::forward);
 }
 
 #[test]

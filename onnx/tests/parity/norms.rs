@@ -40,7 +40,7 @@ pub(crate) fn count(file: &[u8], op: &str) -> usize {
 
 #[test]
 fn instance_norm_is_one_node() {
-    let case = case(instance(1e-4), |norm, x| norm.forward(x));
+    let case = case(instance(1e-4), InstanceNorm::forward);
     case.agrees();
     let file = case.export();
     assert_eq!((count(&file, "InstanceNormalization"), count(&file, "Sqrt"), count(&file, "Reshape")), (1, 0, 0));
@@ -72,7 +72,7 @@ fn layer_norm_is_one_node() {
 
 #[test]
 fn batch_norm_uses_its_running_statistics() {
-    let case = case(batch(1e-4), |norm, x| norm.forward(x));
+    let case = case(batch(1e-4), BatchNorm::forward);
     case.agrees();
     assert_eq!(count(&case.export(), "BatchNormalization"), 1);
 }
@@ -81,7 +81,7 @@ fn batch_norm_uses_its_running_statistics() {
 #[test]
 fn an_export_leaves_the_running_statistics_where_they_were() {
     let device = Device::flex();
-    let case = case(batch(1e-5), |norm, x| norm.forward(x));
+    let case = case(batch(1e-5), BatchNorm::forward);
     let before = case.module.running_var.value().into_data();
     case.export();
     assert_eq!(case.module.running_var.value().device(), device);
@@ -110,7 +110,7 @@ fn a_model_on_an_autodiff_device_exports_its_inference() {
     let exporter = onnx::Exporter::new().input("x").output("y").dynamic(onnx::Axis::new("batch", 2).on("x", 0));
     let exporter = exporter.dynamic(onnx::Axis::new("column", 4).on("x", 3));
     let at = |sizes: &onnx::Sizes| At { batch: sizes["batch"], column: sizes["column"] };
-    let file = exporter.export(&training.module, |sizes| train(at(sizes)), |norm, x| norm.forward(x)).unwrap();
+    let file = exporter.export(&training.module, |sizes| train(at(sizes)), BatchNorm::forward).unwrap();
     assert!(valid.difference(&file) <= TOLERANCE);
 }
 

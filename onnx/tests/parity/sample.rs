@@ -7,7 +7,7 @@ use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
 #[derive(Module, Debug)]
 pub(crate) struct Function {}
 
-/// SplitMix64 (Steele, Lea and Flood 2014): one well-mixed number per state.
+/// `SplitMix64` (Steele, Lea and Flood 2014): one well-mixed number per state.
 pub(crate) struct Numbers(u64);
 
 impl Numbers {
