@@ -1,1 +1,9 @@
-//! stub
+//! Learns what a real sensor makes of a scan: networks, losses, training, evaluation, export.
+
+pub mod checkpoint;
+pub mod config;
+pub mod data;
+pub mod evaluate;
+pub mod loss;
+pub mod network;
+pub mod train;

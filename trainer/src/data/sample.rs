@@ -1,0 +1,196 @@
+//! Batches: cut-outs of real scans, made to look simulated, beside what the sensor measured.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use lidar::RangeImage;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+
+use super::holes::{self, Pixel};
+use super::scans::{Scans, cut_columns};
+
+/// Standard deviation of the jitter on every input range, in metres: it hides what filling left behind.
+const JITTER_M: f32 = 0.01;
+
+/// Share of the samples whose labels are blanked, so that a scan without labels works too.
+const UNLABELLED_SHARE: f64 = 0.5;
+
+/// CARLA's default `atmosphere_attenuation_rate`, per metre: its lidar reports e^(−0.004 r) whatever the ray hit.
+pub const CARLA_ATTENUATION: f32 = 0.004;
+
+/// Network input and targets, each `[batch, channel, ring, column]`.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// Range (m), reflectance, class: 3 channels.
+    pub scan: Tensor<4>,
+    /// ln(measured range + 1).
+    pub log_range: Tensor<4>,
+    /// Measured reflectance.
+    pub reflectance: Tensor<4>,
+    /// 1 where the sensor reported the ray.
+    pub keep: Tensor<4>,
+    /// Rays that the pixel stands for in the loss of the keep mask.
+    pub keep_weight: Tensor<4>,
+    /// 1 where range and reflectance were measured.
+    pub measured: Tensor<4>,
+}
+
+/// One cut-out before it becomes tensors; each channel `[ring, column]`.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// What a simulator would have given.
+    pub simulated: RangeImage,
+    /// What the sensor measured.
+    pub real: RangeImage,
+    /// What became of each pixel.
+    pub pixel: Vec<Pixel>,
+    /// See [`holes::weights`]; all zero where drops were not observed.
+    pub keep_weight: Vec<f32>,
+}
+
+/// Draws batches; the same step gives the same batch, whenever it is drawn.
+#[derive(Clone, Debug)]
+pub struct Sampler {
+    sources: Vec<Scans>,
+    seed: u64,
+    batch: usize,
+    crop_columns: usize,
+}
+
+/// What a simulator says about reflectance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SimulatedReflectance {
+    /// e^(−rate · range), as CARLA does.
+    Attenuation(f32),
+    /// The same everywhere.
+    Constant(f32),
+    /// Coarse albedo: the measured reflectance averaged along the ring over this many columns on either side, times a gain.
+    Albedo(usize, f32),
+}
+
+impl Sampler {
+    /// A sampler over these scans.
+    pub fn new(sources: Vec<Scans>, seed: u64, batch: usize, crop_columns: usize) -> Self {
+        Self { sources, seed, batch, crop_columns }
+    }
+
+    /// The batch of a step.
+    pub fn batch(&self, step: usize, device: &Device) -> Batch {
+        let samples: Vec<Sample> = (0..self.batch)
+            .map(|k| {
+                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+                rng.set_stream((step * self.batch + k) as u64 + 1);
+                self.draw(&mut rng)
+            })
+            .collect();
+        Batch::new(&samples, device)
+    }
+
+    fn draw(&self, rng: &mut impl Rng) -> Sample {
+        let total: usize = self.sources.iter().map(|s| s.images.len()).sum();
+        let mut index = rng.random_range(0..total);
+        for source in &self.sources {
+            if index < source.images.len() {
+                let image = &source.images[index];
+                let from = rng.random_range(0..image.columns().saturating_sub(self.crop_columns).max(1));
+                let mut crop = cut_columns(image, from, self.crop_columns);
+                if rng.random_bool(0.5) {
+                    mirror(&mut crop);
+                }
+                let reflectance = SimulatedReflectance::random(rng);
+                return Sample::new(crop, source.drops_observed, reflectance, rng);
+            }
+            index -= source.images.len();
+        }
+        unreachable!("an index below the number of scans")
+    }
+}
+
+impl SimulatedReflectance {
+    fn random(rng: &mut impl Rng) -> Self {
+        match rng.random_range(0..10) {
+            0..5 => Self::Attenuation(rng.random_range(0.002..0.008)),
+            5..7 => Self::Constant(rng.random_range(0.0..1.0)),
+            _ => Self::Albedo(rng.random_range(2..12), rng.random_range(0.5..1.5)),
+        }
+    }
+
+    fn of(self, image: &RangeImage) -> Vec<f32> {
+        let (columns, range_m, measured) = (image.columns(), image.range_m(), image.reflectance());
+        match self {
+            Self::Attenuation(rate) => range_m.iter().map(|r| (-rate * r).exp()).collect(),
+            Self::Constant(value) => vec![value; range_m.len()],
+            Self::Albedo(reach, gain) => (0..range_m.len())
+                .map(|i| {
+                    let row = i / columns * columns;
+                    let window = i.saturating_sub(reach).max(row)..(i + reach + 1).min(row + columns);
+                    let near = window.filter(|j| (range_m[*j] - range_m[i]).abs() < 0.1 * range_m[i]);
+                    let (sum, n) = near.fold((0.0, 0), |(sum, n), j| (sum + measured[j], n + 1));
+                    (gain * sum / n.max(1) as f32).clamp(0.0, 1.0)
+                })
+                .collect(),
+        }
+    }
+}
+
+impl Sample {
+    /// A real image made to look simulated.
+    pub fn new(real: RangeImage, drops_observed: bool, reflectance: SimulatedReflectance, rng: &mut impl Rng) -> Self {
+        let filled = holes::fill(&real, rng);
+        let reflectance = reflectance.of(&filled.image);
+        let labelled = !rng.random_bool(UNLABELLED_SHARE);
+        let jitter = Normal::new(0.0, JITTER_M).unwrap_or_else(|_| unreachable!("a positive standard deviation"));
+        let mut simulated = filled.image;
+        for (i, reflectance) in reflectance.iter().enumerate() {
+            let range_m = simulated.range_m()[i];
+            if range_m > 0.0 {
+                let range_m = (range_m + jitter.sample(rng)).max(0.01);
+                let class = if labelled { simulated.class()[i] } else { 0 };
+                simulated.set(i, range_m, *reflectance, class);
+            }
+        }
+        let keep_weight =
+            if drops_observed { holes::weights(&filled.pixel, real.columns()) } else { vec![0.0; filled.pixel.len()] };
+        Self { simulated, real, pixel: filled.pixel, keep_weight }
+    }
+}
+
+impl Batch {
+    /// Samples of one size as tensors.
+    pub fn new(samples: &[Sample], device: &Device) -> Self {
+        let (rings, columns) = (samples[0].real.rings(), samples[0].real.columns());
+        let pixels = rings * columns;
+        let mut scan = vec![0.0; samples.len() * 3 * pixels];
+        for (sample, out) in samples.iter().zip(scan.chunks_mut(3 * pixels)) {
+            sample.simulated.write_tensor(out);
+        }
+        let tensor = |channels: usize, values: Vec<f32>| {
+            Tensor::from_data(TensorData::new(values, [samples.len(), channels, rings, columns]), device)
+        };
+        let channel = |value: &dyn Fn(&Sample, usize) -> f32| {
+            tensor(1, samples.iter().flat_map(|s| (0..pixels).map(move |i| value(s, i))).collect())
+        };
+        let reported = |s: &Sample, i: usize| s.real.range_m()[i] > 0.0;
+        Self {
+            scan: tensor(3, scan),
+            log_range: channel(&|s, i| s.real.range_m()[i].ln_1p()),
+            reflectance: channel(&|s, i| s.real.reflectance()[i]),
+            keep: channel(&|s, i| f32::from(u8::from(reported(s, i)))),
+            keep_weight: channel(&|s, i| s.keep_weight[i]),
+            measured: channel(&|s, i| f32::from(u8::from(reported(s, i) && s.simulated.range_m()[i] > 0.0))),
+        }
+    }
+}
+
+/// Swaps left and right.
+fn mirror(image: &mut RangeImage) {
+    let (columns, original) = (image.columns(), image.clone());
+    for i in 0..original.range_m().len() {
+        let from = i / columns * columns + (columns - 1 - i % columns);
+        if original.range_m()[from] > 0.0 {
+            image.set(i, original.range_m()[from], original.reflectance()[from], original.class()[from]);
+        } else {
+            image.remove(i);
+        }
+    }
+}

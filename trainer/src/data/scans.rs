@@ -1,0 +1,115 @@
+//! Real scans as range images, from folders of files of any format.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use lidar::formats::{self, Format, Limits};
+use lidar::{Projector, RangeImage, Sensor};
+use proto::card::Dataset;
+use sha2::{Digest, Sha256};
+
+use crate::config::DataConfig;
+
+/// The scans of one [`DataConfig`], cut to its sector.
+#[derive(Clone, Debug)]
+pub struct Scans {
+    /// The range images, in the order of their files' names.
+    pub images: Vec<RangeImage>,
+    /// See [`DataConfig::drops_observed`].
+    pub drops_observed: bool,
+    /// For the model card.
+    pub dataset: Dataset,
+}
+
+impl Scans {
+    /// Reads every scan of a folder and projects it to the sensor.
+    pub fn load(root: &Path, config: &DataConfig, sensor: &Sensor) -> Result<Self> {
+        let sensor = match config.columns {
+            Some(columns) => sensor.clone().with_columns(columns)?,
+            None => sensor.clone(),
+        };
+        let path = root.join(&config.path);
+        let files = scan_files(&path)?;
+        let mut projector = Projector::new(&sensor);
+        let mut digest = Sha256::new();
+        let mut images = Vec::with_capacity(files.len());
+        let (mut lost, mut points) = (0, 0);
+        for file in &files {
+            digest.update(Sha256::digest(
+                std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?,
+            ));
+            let cloud = formats::read(file, &Limits::default()).with_context(|| format!("scan {}", file.display()))?;
+            let projection = projector.project(&cloud).with_context(|| format!("scan {}", file.display()))?;
+            lost += projection.report.lost;
+            points += projection.report.points_in;
+            images.push(match config.sector_deg {
+                Some(sector) => cut_sector(&projection.image, sector)?,
+                None => projection.image,
+            });
+        }
+        tracing::info!(
+            path = %path.display(),
+            scans = images.len(),
+            "read; {:.1} % of the points lost their pixel to a nearer one",
+            100.0 * lost as f64 / points.max(1) as f64
+        );
+        let dataset = Dataset {
+            name: config.source.clone(),
+            licence: config.licence.clone(),
+            scans: images.len(),
+            sha256: hex(&digest.finalize()),
+        };
+        Ok(Self { images, drops_observed: config.drops_observed, dataset })
+    }
+}
+
+/// The scan files of a folder, or the file itself, in the order of their names.
+pub fn scan_files(path: &Path) -> Result<Vec<PathBuf>> {
+    if path.is_file() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let entries = std::fs::read_dir(path).with_context(|| format!("cannot read folder {}", path.display()))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let file = entry?.path();
+        if file.is_file() && Format::from_path(&file).is_some() {
+            files.push(file);
+        }
+    }
+    if files.is_empty() {
+        bail!("no scan in {}", path.display());
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// The columns of a sector from one azimuth clockwise to another, in degrees.
+fn cut_sector(image: &RangeImage, [from_deg, to_deg]: [f64; 2]) -> Result<RangeImage> {
+    ensure!(
+        (-180.0..=180.0).contains(&to_deg) && from_deg <= 180.0 && from_deg > to_deg,
+        "sector_deg is [{from_deg}, {to_deg}], expected 180 ≥ from > to ≥ −180"
+    );
+    let column = |azimuth_deg: f64| ((180.0 - azimuth_deg) / 360.0 * image.columns() as f64).round() as usize;
+    let (from, to) = (column(from_deg), column(to_deg));
+    Ok(cut_columns(image, from, to - from))
+}
+
+/// `count` columns from `from` on, round the turn.
+pub fn cut_columns(image: &RangeImage, from: usize, count: usize) -> RangeImage {
+    let columns = image.columns();
+    let mut out = RangeImage::empty(image.rings(), count);
+    for ring in 0..image.rings() {
+        for column in 0..count {
+            let i = ring * columns + (from + column) % columns;
+            if image.range_m()[i] > 0.0 {
+                out.set(ring * count + column, image.range_m()[i], image.reflectance()[i], image.class()[i]);
+            }
+        }
+    }
+    out
+}
+
+/// Lower-case hexadecimal.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,31 @@
+//! The networks, and what every one of them gives.
+
+mod unet;
+
+use burn::tensor::Tensor;
+
+pub use unet::{COLUMN_MULTIPLE, UNet, UNetConfig};
+
+/// What the sensor measures, each `[batch, 1, ring, column]`, in physical units.
+#[derive(Clone, Debug)]
+pub struct Measurement {
+    /// Range in metres, 0 where the simulation has no return.
+    pub range_m: Tensor<4>,
+    /// Reflectance, 0–1.
+    pub reflectance: Tensor<4>,
+    /// Probability that the sensor reports the ray.
+    pub keep: Tensor<4>,
+}
+
+/// A [`Measurement`] before its last non-linearities, each `[batch, 1, ring, column]`.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// Natural logarithm of (range in metres + 1).
+    pub log_range: Tensor<4>,
+    /// Logit of the reflectance.
+    pub reflectance_logit: Tensor<4>,
+    /// Logit of the probability that the ray is reported.
+    pub keep_logit: Tensor<4>,
+    /// 1 where the simulation has a return, else 0.
+    pub valid: Tensor<4>,
+}
