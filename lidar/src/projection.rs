@@ -1,6 +1,7 @@
 //! Projection: a point cloud into a sensor's range image, and back.
 
-use std::f64::consts::{PI, TAU};
+mod grid;
+mod polar;
 
 use serde::Serialize;
 use thiserror::Error;
@@ -11,18 +12,28 @@ use crate::range_image::RangeImage;
 use crate::rings::{RingSource, Rings};
 use crate::sensor::Sensor;
 
+use grid::Grid;
+use polar::Polar;
+
 /// Marks a point without a pixel.
 pub const NO_PIXEL: u32 = u32::MAX;
 
 /// A cloud may have at most this share of points that are NaN, infinite or at the origin before it is refused.
 pub const MAX_INVALID_SHARE: f64 = 0.5;
 
+/// Ids of the largest label map there is are below this (SemanticKITTI's end at 259).
+const LABEL_IDS: u32 = 512;
+
 /// Projects clouds into one sensor's range images; keeps its tables and memory from scan to scan.
 #[derive(Clone, Debug)]
 pub struct Projector {
     sensor: Sensor,
     rings: Rings,
+    grid: Grid,
+    polar: Polar,
     row_of_point: Vec<u16>,
+    /// Class by label id; ids past its end have none.
+    classes: Vec<u8>,
 }
 
 /// A projected scan: the image, and which pixel each point won.
@@ -93,7 +104,14 @@ pub struct Measured<'a> {
 impl Projector {
     /// A projector for this sensor.
     pub fn new(sensor: &Sensor) -> Self {
-        Self { rings: Rings::new(sensor), sensor: sensor.clone(), row_of_point: Vec::new() }
+        Self {
+            rings: Rings::new(sensor),
+            grid: Grid::new(sensor),
+            polar: Polar::default(),
+            row_of_point: Vec::new(),
+            classes: (0..LABEL_IDS).map(class_of).collect(),
+            sensor: sensor.clone(),
+        }
     }
 
     /// The sensor.
@@ -101,7 +119,7 @@ impl Projector {
         &self.sensor
     }
 
-    /// Projects a cloud; the nearest return wins a pixel.
+    /// Projects a cloud; the nearest return wins a pixel, of two at one range the brighter.
     pub fn project(&mut self, cloud: &PointCloud) -> Result<Projection, ProjectionError> {
         let mut projection = Projection::default();
         self.project_into(cloud, &mut projection)?;
@@ -109,86 +127,98 @@ impl Projector {
     }
 
     /// [`project`](Self::project) into a projection that is already there, reusing its memory.
+    ///
+    /// After an error `out` is no projection of anything.
     pub fn project_into(&mut self, cloud: &PointCloud, out: &mut Projection) -> Result<(), ProjectionError> {
         let points = cloud.len();
         if points >= NO_PIXEL as usize {
             return Err(ProjectionError::TooManyPoints(points));
         }
-        let ring_source = self.rings.assign(cloud, &mut self.row_of_point);
-        let (rings, columns) = (self.sensor.rings().len(), self.sensor.columns());
-        let (nearest_m, farthest_m) = self.sensor.range_limits_m();
-        out.image.clear(rings, columns);
-        out.pixel_of_point.clear();
-        out.pixel_of_point.resize(points, NO_PIXEL);
-        let mut report = Report { points_in: points, ring_source, ..Report::default() };
-
-        // The winner of each pixel is kept in `selected` while points are placed; the losers are marked afterwards.
-        out.selected.clear();
-        out.selected.resize(rings * columns, NO_PIXEL);
-        for i in 0..points {
-            let range_m = cloud.range_m(i);
-            if !range_m.is_finite() {
-                report.non_finite += 1;
-            } else if range_m == 0.0 {
-                report.zero_range += 1;
-            } else if range_m < nearest_m || range_m > farthest_m {
-                report.out_of_range += 1;
-            } else if usize::from(self.row_of_point[i]) >= rings {
-                report.outside_view += 1;
-            } else {
-                let row = usize::from(self.row_of_point[i]);
-                let pixel = row * columns + self.column(row, cloud.x[i], cloud.y[i]);
-                let winner = out.selected[pixel];
-                if winner != NO_PIXEL {
-                    report.lost += 1;
-                    if range_m >= out.image.range_m[pixel] {
-                        continue;
-                    }
-                    out.pixel_of_point[winner as usize] = NO_PIXEL;
-                }
-                out.selected[pixel] = i as u32;
-                out.pixel_of_point[i] = pixel as u32;
-                out.image.range_m[pixel] = range_m;
-            }
-        }
+        self.polar.take(cloud);
+        let ring_source = self.rings.assign(cloud, &self.polar.turns, &self.polar.range_m, &mut self.row_of_point);
+        let mut report = self.polar.count(cloud, self.sensor.range_limits_m());
         let invalid = report.non_finite + report.zero_range;
         if invalid as f64 > MAX_INVALID_SHARE * points as f64 {
             return Err(ProjectionError::TooManyInvalid { invalid, points });
         }
-        let to_reflectance = 1.0 / cloud.full_scale;
-        for row in 0..rings {
-            let mut seen = false;
-            for pixel in row * columns..(row + 1) * columns {
-                let winner = out.selected[pixel] as usize;
-                if winner < points {
-                    seen = true;
-                    let reflectance = cloud.intensity[winner] * to_reflectance;
-                    out.image.reflectance[pixel] =
-                        if reflectance.is_finite() { reflectance.clamp(0.0, 1.0) } else { 0.0 };
-                    out.image.class[pixel] = cloud.label.as_ref().map_or(0, |label| class_of(label[winner]));
-                }
-            }
-            report.rings_seen += usize::from(seen);
-        }
-        report.projected = points - report.lost - invalid - report.out_of_range - report.outside_view;
+        out.pixel_of_point.resize(points, NO_PIXEL);
+        self.grid.pixels(cloud, &self.polar, &self.row_of_point, &mut out.pixel_of_point);
+        let (placed, lost) = out.let_the_nearest_win(cloud, &self.polar.range_m, self.sensor.pixels());
+        let size = (self.sensor.rings().len(), self.sensor.columns());
+        report.rings_seen = out.paint(cloud, &self.polar.range_m, size, &self.classes);
+        report.projected = placed - lost;
+        report.lost = lost;
+        report.outside_view = points - placed - invalid - report.out_of_range;
+        report.ring_source = ring_source;
         out.report = report;
         Ok(())
-    }
-
-    fn column(&self, row: usize, x: f32, y: f32) -> usize {
-        let ring = &self.sensor.rings()[row];
-        let (x, y) = (f64::from(x), f64::from(y));
-        let mut azimuth = y.atan2(x) - ring.azimuth_offset_rad;
-        if ring.lateral_m != 0.0 {
-            azimuth -= (ring.lateral_m / x.hypot(y).max(ring.lateral_m.abs())).asin();
-        }
-        let columns = self.sensor.columns() as f64;
-        let turn = ((PI - azimuth) / TAU).rem_euclid(1.0);
-        ((turn * columns) as usize).min(self.sensor.columns() - 1)
     }
 }
 
 impl Projection {
+    /// Gives each pixel to its nearest point and takes it from the others. Returns how many points had a pixel, and how many lost it.
+    fn let_the_nearest_win(&mut self, cloud: &PointCloud, range_m: &[f32], pixels: usize) -> (usize, usize) {
+        self.selected.clear();
+        self.selected.resize(pixels, NO_PIXEL);
+        let (mut placed, mut lost) = (0, 0);
+        for i in 0..self.pixel_of_point.len() {
+            let pixel = self.pixel_of_point[i];
+            let Some(winner) = self.selected.get_mut(pixel as usize) else { continue };
+            placed += 1;
+            if *winner == NO_PIXEL {
+                *winner = i as u32;
+                continue;
+            }
+            lost += 1;
+            let mut loser = i;
+            if nearer(cloud, range_m, i, *winner as usize) {
+                loser = *winner as usize;
+                *winner = i as u32;
+            }
+            self.pixel_of_point[loser] = NO_PIXEL;
+        }
+        (placed, lost)
+    }
+
+    /// Fills the image with the winners' values; returns how many rings have one.
+    fn paint(
+        &mut self,
+        cloud: &PointCloud,
+        range_m: &[f32],
+        (rings, columns): (usize, usize),
+        classes: &[u8],
+    ) -> usize {
+        self.image.clear(rings, columns);
+        let to_reflectance = 1.0 / cloud.full_scale;
+        let points = cloud.len();
+        // Tile by tile, since the points of a few columns lie together in memory whether the cloud lists ring after ring or firing
+        // after firing.
+        const TILE: usize = 64;
+        for first in (0..columns).step_by(TILE) {
+            for row in 0..rings {
+                let pixels = row * columns + first..row * columns + (first + TILE).min(columns);
+                let image = self.image.range_m[pixels.clone()]
+                    .iter_mut()
+                    .zip(&mut self.image.reflectance[pixels.clone()])
+                    .zip(&mut self.image.class[pixels.clone()]);
+                for (&winner, ((range, reflectance), class)) in self.selected[pixels].iter().zip(image) {
+                    let i = winner as usize;
+                    if i < points {
+                        *range = range_m[i];
+                        let value = cloud.intensity[i] * to_reflectance;
+                        let value = if value > 0.0 { value } else { 0.0 };
+                        *reflectance = if value < 1.0 { value } else { 1.0 };
+                        if let Some(label) = &cloud.label {
+                            *class = classes.get((label[i] & 0xffff) as usize).copied().unwrap_or(0);
+                        }
+                    }
+                }
+            }
+        }
+        let seen = |row: &&[u32]| row.iter().any(|winner| *winner != NO_PIXEL);
+        self.selected.chunks(columns).filter(seen).count()
+    }
+
     /// The cloud as the sensor measured it: every point that won a pixel whose ray is kept, in the cloud's order and with all its
     /// fields, moved along its own ray to the measured range, with the measured reflectance as intensity.
     ///
@@ -207,13 +237,16 @@ impl Projection {
         for length in [measured.range_m.len(), measured.reflectance.len(), measured.keep.len()] {
             assert_eq!(length, pixels, "measured channels of the image's size");
         }
+        // Without a branch: a model's drops follow no pattern that a processor could foresee.
         self.selected.clear();
+        self.selected.resize(cloud.len(), 0);
+        let mut kept = 0;
         for (i, pixel) in self.pixel_of_point.iter().enumerate() {
             let pixel = *pixel as usize;
-            if pixel < pixels && measured.keep[pixel] && measured.range_m[pixel] > 0.0 {
-                self.selected.push(i as u32);
-            }
+            self.selected[kept] = i as u32;
+            kept += usize::from(pixel < pixels && measured.keep[pixel] && measured.range_m[pixel] > 0.0);
         }
+        self.selected.truncate(kept);
         out.select_from(cloud, &self.selected);
         for (k, i) in self.selected.iter().enumerate() {
             let pixel = self.pixel_of_point[*i as usize] as usize;
@@ -224,4 +257,14 @@ impl Projection {
             out.intensity[k] = measured.reflectance[pixel] * cloud.full_scale;
         }
     }
+}
+
+/// True if point `i` takes the pixel from point `j`: the nearer one does; of two at one range the brighter, of those the one with the
+/// higher label, of those the first. So the image does not depend on the order of the points.
+fn nearer(cloud: &PointCloud, range_m: &[f32], i: usize, j: usize) -> bool {
+    if range_m[i] != range_m[j] {
+        return range_m[i] < range_m[j];
+    }
+    let label = |k: usize| cloud.label.as_ref().map_or(0, |label| label[k]);
+    cloud.intensity[j].total_cmp(&cloud.intensity[i]).then(label(j).cmp(&label(i))).then(i.cmp(&j)).is_lt()
 }

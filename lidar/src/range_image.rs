@@ -39,13 +39,18 @@ impl RangeImage {
 
     /// Empties the image and gives it this size, reusing its memory.
     pub fn clear(&mut self, rings: usize, columns: usize) {
+        self.range_m.clear();
+        self.reflectance.clear();
+        self.class.clear();
+        self.reshape(rings, columns);
+    }
+
+    /// Gives the image this size, reusing its memory; whoever calls it sets every pixel, for those that there were stay.
+    pub(crate) fn reshape(&mut self, rings: usize, columns: usize) {
         (self.rings, self.columns) = (rings, columns);
         let pixels = rings * columns;
-        self.range_m.clear();
         self.range_m.resize(pixels, 0.0);
-        self.reflectance.clear();
         self.reflectance.resize(pixels, 0.0);
-        self.class.clear();
         self.class.resize(pixels, 0);
     }
 

@@ -1,7 +1,16 @@
 //! Which ring each point of a cloud belongs to: by the cloud's own ring field, by the order of its points, or by elevation.
 
+#![allow(
+    clippy::inline_always,
+    reason = "a loop is compiled for the processor at hand only where all of it is inlined"
+)]
+
+mod field;
+mod order;
+
 use std::f64::consts::PI;
 
+use pulp::Arch;
 use serde::Serialize;
 
 use crate::cloud::PointCloud;
@@ -23,14 +32,43 @@ pub enum RingSource {
 /// Marks a point that no ring sees.
 pub(crate) const NO_RING: u16 = u16::MAX;
 
-/// A sensor's table from elevation to ring.
+/// A ring field or an order of points whose rings lie farther than this from the sensor's, on average, means something else.
+///
+/// A mounting or a calibration that is off by a degree or two is still this sensor.
+const MAX_MISFIT_RAD: f64 = 2.5 * PI / 180.0;
+
+/// A sensor's rings as a cloud's points are told apart by them, with the memory that doing so needs.
 #[derive(Clone, Debug)]
 pub(crate) struct Rings {
     elevation_rad: Vec<f64>,
-    /// Ring by slot of the tangent of elevation, from `tan_min` on, `slots_per_unit` apart.
+    /// The sensor's rings from the highest to the lowest.
+    top_down: Vec<u16>,
+    pivot: Pivot,
+    /// Ring by slot of the tangent of elevation, from `tan_min` on, `slots_per_unit` apart; past the last one [`NO_RING`].
     table: Vec<u16>,
     tan_min: f32,
     slots_per_unit: f32,
+    means: Means,
+    /// Ring of the sensor by ring of the cloud.
+    map: Vec<u16>,
+}
+
+/// Where the rings' beams (nearly) cross: `height_m` above the origin and `behind_m` behind the spin axis.
+///
+/// Real sensors' beams leave the axis at heights that grow with the tangent of their elevation (HDL-64E by 0.2 m + 1.4 mm, Ouster
+/// by its beam origin's 15 to 28 mm), so seen from this point, and from no other, elevation alone tells the ring.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pivot {
+    height_m: f32,
+    behind_m: f32,
+}
+
+/// Mean elevation of each ring of a cloud, `None` where it has no point.
+#[derive(Clone, Debug, Default)]
+struct Means {
+    sums: Vec<(f64, u32)>,
+    elevation_rad: Vec<Option<f64>>,
+    ranked: Vec<u16>,
 }
 
 const SLOTS: usize = 1 << 14;
@@ -38,9 +76,9 @@ const SLOTS: usize = 1 << 14;
 impl Rings {
     pub(crate) fn new(sensor: &Sensor) -> Self {
         let elevation_rad: Vec<f64> = sensor.rings().iter().map(|r| r.elevation_rad).collect();
-        let mut order: Vec<usize> = (0..elevation_rad.len()).collect();
-        order.sort_by(|a, b| elevation_rad[*a].total_cmp(&elevation_rad[*b]));
-        let sorted: Vec<f64> = order.iter().map(|i| elevation_rad[*i]).collect();
+        let mut order: Vec<u16> = (0..elevation_rad.len() as u16).collect();
+        order.sort_by(|a, b| elevation_rad[usize::from(*a)].total_cmp(&elevation_rad[usize::from(*b)]));
+        let sorted: Vec<f64> = order.iter().map(|i| elevation_rad[usize::from(*i)]).collect();
         // A point beyond the outermost ring by more than that ring's spacing is outside the view.
         let spacing = |a: usize, b: usize| if sorted.len() > 1 { sorted[b] - sorted[a] } else { 1f64.to_radians() };
         let last = sorted.len() - 1;
@@ -58,18 +96,35 @@ impl Rings {
                     n if elevation - sorted[n - 1] < sorted[n] - elevation => n - 1,
                     n => n,
                 };
-                order[nearest] as u16
+                order[nearest]
             })
+            .chain([NO_RING])
             .collect();
-        let slots_per_unit = (SLOTS as f64 / (tan_max - tan_min)) as f32;
-        Self { elevation_rad, table, tan_min: tan_min as f32, slots_per_unit }
+        order.reverse();
+        Self {
+            top_down: order,
+            pivot: Pivot::of(sensor),
+            table,
+            tan_min: tan_min as f32,
+            slots_per_unit: (SLOTS as f64 / (tan_max - tan_min)) as f32,
+            means: Means::default(),
+            map: Vec::with_capacity(elevation_rad.len()),
+            elevation_rad,
+        }
     }
 
-    /// Fills `rows` with the ring of each point, [`NO_RING`] where none sees it.
-    pub(crate) fn assign(&self, cloud: &PointCloud, rows: &mut Vec<u16>) -> RingSource {
+    /// Fills `rows` with the ring of each point, [`NO_RING`] where none sees it; `turns` and `range_m` are the points' azimuth and range.
+    pub(crate) fn assign(
+        &mut self,
+        cloud: &PointCloud,
+        turns: &[f32],
+        range_m: &[f32],
+        rows: &mut Vec<u16>,
+    ) -> RingSource {
+        rows.resize(cloud.len(), NO_RING);
         if self.assign_by_field(cloud, rows) {
             RingSource::Field
-        } else if self.assign_by_order(cloud, rows) {
+        } else if self.assign_by_order(cloud, turns, range_m, rows) {
             RingSource::Order
         } else {
             self.assign_by_elevation(cloud, rows);
@@ -77,102 +132,76 @@ impl Rings {
         }
     }
 
-    fn assign_by_elevation(&self, cloud: &PointCloud, rows: &mut Vec<u16>) {
-        rows.clear();
-        rows.extend((0..cloud.len()).map(|i| {
-            let (x, y, z) = (cloud.x[i], cloud.y[i], cloud.z[i]);
-            let slot = (z / (x * x + y * y).sqrt() - self.tan_min) * self.slots_per_unit;
-            if slot >= 0.0 && slot < SLOTS as f32 { self.table[slot as usize] } else { NO_RING }
-        }));
-    }
-
-    /// Takes the cloud's ring field in the numbering that fits the sensor's elevations: as it is, bottom up, or by rank of elevation.
-    fn assign_by_field(&self, cloud: &PointCloud, rows: &mut Vec<u16>) -> bool {
-        let Some(field) = &cloud.ring else { return false };
-        let rings = self.elevation_rad.len();
-        let Some(means) = mean_elevations(cloud, field, rings) else { return false };
-        let seen: Vec<usize> = (0..rings).filter(|r| means[*r].is_some()).collect();
-        if seen.is_empty() {
-            return false;
-        }
-        let mut ranked = seen.clone();
-        ranked.sort_by(|a, b| means[*b].unwrap_or(0.0).total_cmp(&means[*a].unwrap_or(0.0)));
-        let mut by_rank = vec![NO_RING; rings];
-        if seen.len() == rings {
-            let mut order: Vec<usize> = (0..rings).collect();
-            order.sort_by(|a, b| self.elevation_rad[*b].total_cmp(&self.elevation_rad[*a]));
-            for (rank, ring) in ranked.iter().enumerate() {
-                by_rank[*ring] = order[rank] as u16;
-            }
-        }
-        let as_is: Vec<u16> = (0..rings as u16).collect();
-        let bottom_up: Vec<u16> = (0..rings as u16).rev().collect();
-        let misfit = |map: &[u16]| -> f64 {
-            let total: f64 = seen
-                .iter()
-                .map(|r| {
-                    let target = self.elevation_rad.get(usize::from(map[*r])).copied().unwrap_or(PI);
-                    (means[*r].unwrap_or(0.0) - target).abs()
-                })
-                .sum();
-            total / seen.len() as f64
-        };
-        let candidates = [as_is, bottom_up, by_rank];
-        let Some(best) = candidates.iter().min_by(|a, b| misfit(a).total_cmp(&misfit(b))) else { return false };
-        // A mounting or calibration that is off by a degree or two is still this sensor; a field that means something else is not.
-        if misfit(best) > 2.5f64.to_radians() {
-            return false;
-        }
-        rows.clear();
-        rows.extend(field.iter().map(|r| best[usize::from(*r)]));
-        true
-    }
-
-    /// KITTI's order: beam by beam, top beam first, each from straight ahead counter-clockwise; a new beam begins where the azimuth
-    /// wraps from 360° to 0°. Taken only if it gives exactly the sensor's rings, from top to bottom.
-    fn assign_by_order(&self, cloud: &PointCloud, rows: &mut Vec<u16>) -> bool {
-        let rings = self.elevation_rad.len();
-        if cloud.len() < rings * 16 || self.elevation_rad.windows(2).any(|w| w[0] <= w[1]) {
-            return false;
-        }
-        rows.clear();
-        let mut row = 0usize;
-        let mut previous_ahead_left = true;
-        for i in 0..cloud.len() {
-            let (x, y) = (cloud.x[i], cloud.y[i]);
-            // In front of the sensor, crossing from its right (y < 0) to its left (y ≥ 0).
-            let left = y >= 0.0;
-            if x > 0.0 && left && !previous_ahead_left {
-                row += 1;
-                if row >= rings {
-                    return false;
+    fn assign_by_elevation(&self, cloud: &PointCloud, rows: &mut [u16]) {
+        let (pivot, tan_min, slots_per_unit) = (self.pivot, self.tan_min, self.slots_per_unit);
+        // First each point's slot, which vectorises, then the table.
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (((row, &x), &y), &z) in rows.iter_mut().zip(&cloud.x).zip(&cloud.y).zip(&cloud.z) {
+                    let slot = (pivot.tangent(x, y, z) - tan_min) * slots_per_unit;
+                    let inside = slot >= 0.0 && slot < SLOTS as f32;
+                    *row = if inside { slot as i32 as u16 } else { SLOTS as u16 };
                 }
+            },
+        );
+        let table: &[u16; SLOTS + 1] =
+            self.table.as_slice().try_into().unwrap_or_else(|_| unreachable!("made that long"));
+        for row in rows {
+            *row = table[usize::from(*row).min(SLOTS)];
+        }
+    }
+
+    /// Mean distance between the rings that `means` has and those of the sensor that `map` makes of them.
+    fn misfit_rad(&self, map: impl Fn(usize) -> usize) -> f64 {
+        let (mut total, mut seen) = (0.0, 0);
+        for (ring, mean) in self.means.elevation_rad.iter().enumerate() {
+            if let Some(mean) = mean {
+                total += self.elevation_rad.get(map(ring)).map_or(PI, |target| (mean - target).abs());
+                seen += 1;
             }
-            previous_ahead_left = left || x <= 0.0 && previous_ahead_left && left;
-            rows.push(row as u16);
         }
-        if row + 1 != rings {
-            return false;
-        }
-        let Some(means) = mean_elevations(cloud, rows, rings) else { return false };
-        let misfit: f64 =
-            means.iter().zip(&self.elevation_rad).map(|(m, e)| m.map_or(PI, |m| (m - e).abs())).sum::<f64>()
-                / rings as f64;
-        misfit < 2.5f64.to_radians()
+        total / f64::from(seen)
     }
 }
 
-/// Mean elevation of each ring's finite points; `None` if a ring is not below `rings`.
-fn mean_elevations(cloud: &PointCloud, ring: &[u16], rings: usize) -> Option<Vec<Option<f64>>> {
-    let mut sums = vec![(0.0f64, 0usize); rings];
-    for (i, ring) in ring.iter().enumerate() {
-        let sum = sums.get_mut(usize::from(*ring))?;
-        let (x, y, z) = (cloud.x[i], cloud.y[i], cloud.z[i]);
-        let tangent = z / (x * x + y * y).sqrt();
-        if tangent.is_finite() {
-            sum.0 += f64::from(tangent);
-            sum.1 += 1;
-        }
+impl Pivot {
+    /// Least squares of height = `height_m` + `behind_m` · tangent over the sensor's rings.
+    fn of(sensor: &Sensor) -> Self {
+        let n = sensor.rings().len() as f64;
+        let mean = |value: &dyn Fn(f64, f64) -> f64| {
+            sensor.rings().iter().map(|r| value(r.elevation_rad.tan(), r.height_m)).sum::<f64>() / n
+        };
+        let (tan, height) = (mean(&|t, _| t), mean(&|_, h| h));
+        let variance = mean(&|t, _| (t - tan).powi(2));
+        let slope = if variance > 1e-9 { mean(&|t, h| (t - tan) * (h - height)) / variance } else { 0.0 };
+        Self { height_m: (height - slope * tan) as f32, behind_m: slope as f32 }
     }
-    Some(sums.into_iter().map(|(sum, n)| (n > 0).then(|| (sum / n as f64).atan())).collect())
+
+    /// Tangent of the elevation at which the pivot sees a point.
+    #[inline(always)]
+    fn tangent(self, x: f32, y: f32, z: f32) -> f32 {
+        (z - self.height_m) / ((x * x + y * y).sqrt() + self.behind_m)
+    }
+}
+
+impl Means {
+    /// Takes the mean over every `stride`-th point; false if one of them has a ring that is not below `rings`.
+    fn take(&mut self, cloud: &PointCloud, pivot: Pivot, ring: &[u16], rings: usize, stride: usize) -> bool {
+        self.sums.clear();
+        self.sums.resize(rings, (0.0, 0));
+        for i in (0..ring.len()).step_by(stride) {
+            let Some(sum) = self.sums.get_mut(usize::from(ring[i])) else { return false };
+            let (x, y, z) = (cloud.x[i], cloud.y[i], cloud.z[i]);
+            let tangent = pivot.tangent(x, y, z);
+            // A point at the origin is none, though from a pivot beside it it has an elevation.
+            if tangent.is_finite() && (x != 0.0 || y != 0.0) {
+                sum.0 += f64::from(tangent);
+                sum.1 += 1;
+            }
+        }
+        self.elevation_rad.clear();
+        self.elevation_rad.extend(self.sums.iter().map(|(sum, n)| (*n > 0).then(|| (sum / f64::from(*n)).atan())));
+        true
+    }
 }
