@@ -1,5 +1,9 @@
 //! The contracts between the rooms and with the world: the model card inside an ONNX file, media types, the error body.
 
 pub mod card;
+pub mod error;
+pub mod media;
 
 pub use card::Card;
+pub use error::{ErrorBody, ErrorCode};
+pub use media::{Frame, MediaType};

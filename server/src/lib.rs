@@ -1,1 +1,29 @@
-//! stub
+//! The service over ONNX Runtime, and batch conversion.
+//!
+//! A scan's way is written once, in [`pipeline`]. [`serve`](serve()) runs it behind HTTP on worker threads that own their session,
+//! [`convert`](convert()) runs it on files; both read models from a [`repository`], where one model is one ONNX file that carries its
+//! own card. Finding ONNX Runtime itself is the matter of [`runtime`].
+
+pub mod catalogue;
+pub mod cli;
+pub mod convert;
+pub mod coverage;
+mod generator;
+mod http;
+pub mod inspect;
+pub mod model;
+pub mod onnx_file;
+pub mod pipeline;
+pub mod repository;
+pub mod runtime;
+mod sampled;
+pub mod serve;
+pub mod stopwatch;
+pub mod worker;
+
+pub use catalogue::WorkerOptions;
+pub use convert::{Conversion, convert};
+pub use model::Model;
+pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
+pub use repository::Repository;
+pub use serve::{Config, Server, serve};

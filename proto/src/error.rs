@@ -1,0 +1,87 @@
+//! The error body of the service: one JSON object, and the list of codes with the HTTP status that each one travels with.
+
+use serde::{Deserialize, Serialize};
+
+/// What every answer that is not a success holds as `application/json`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ErrorBody {
+    /// What went wrong, for a person.
+    pub error: String,
+    /// What went wrong, for a program.
+    pub code: ErrorCode,
+    /// The `x-request-id` of the answer, under which the service's log has the details.
+    pub request_id: String,
+}
+
+/// Kinds of errors; in JSON their `snake_case` names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum ErrorCode {
+    /// A query parameter is unknown, given twice or not readable.
+    BadQuery,
+    /// The body did not arrive in full.
+    BadBody,
+    /// The body is not what its type says.
+    MalformedScan,
+    /// No such route.
+    RouteNotFound,
+    /// No such model or version.
+    ModelNotFound,
+    /// The route exists, for another method.
+    MethodNotAllowed,
+    /// No type in `Accept` can be given.
+    NotAcceptable,
+    /// The body has more bytes than the service takes.
+    BodyTooLarge,
+    /// The scan has more points than the service takes.
+    TooManyPoints,
+    /// `Content-Type` is not one of the known formats.
+    UnsupportedMediaType,
+    /// `Content-Encoding` is not `identity`.
+    UnsupportedEncoding,
+    /// A well-formed scan that cannot be worked with.
+    UnusableScan,
+    /// The scan has something that the format of the answer cannot hold.
+    UnencodableAnswer,
+    /// More requests wait than the service lets wait; try again.
+    Overloaded,
+    /// The model cannot be loaded, or gave no usable answer.
+    ModelFailed,
+    /// The service's own fault.
+    Internal,
+    /// The service starts or stops.
+    NotReady,
+}
+
+impl ErrorCode {
+    /// The HTTP status that goes with the code.
+    pub const fn status(self) -> u16 {
+        match self {
+            Self::BadQuery | Self::BadBody | Self::MalformedScan => 400,
+            Self::RouteNotFound | Self::ModelNotFound => 404,
+            Self::MethodNotAllowed => 405,
+            Self::NotAcceptable => 406,
+            Self::BodyTooLarge | Self::TooManyPoints => 413,
+            Self::UnsupportedMediaType | Self::UnsupportedEncoding => 415,
+            Self::UnusableScan | Self::UnencodableAnswer => 422,
+            Self::Overloaded => 429,
+            Self::ModelFailed | Self::Internal => 500,
+            Self::NotReady => 503,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_body_is_three_strings() -> Result<(), serde_json::Error> {
+        let body = ErrorBody { error: "no".into(), code: ErrorCode::ModelNotFound, request_id: "7".into() };
+        let json = r#"{"error":"no","code":"model_not_found","request_id":"7"}"#;
+        assert_eq!(serde_json::to_string(&body)?, json);
+        assert_eq!(serde_json::from_str::<ErrorBody>(json)?, body);
+        Ok(())
+    }
+}

@@ -1,0 +1,94 @@
+//! The model at work: a session of ONNX Runtime with the memory of its inputs.
+
+use lidar::RangeImage;
+use lidar::ray_drop::uniform;
+use ort::session::{Session, SessionOutputs};
+use ort::value::TensorRef;
+use proto::card::tensor;
+use thiserror::Error;
+
+use crate::model::{Model, SessionError};
+
+/// A loaded model and its input tensors.
+#[derive(Debug)]
+pub(crate) struct Generator {
+    session: Session,
+    rings: usize,
+    columns: usize,
+    /// `[3, ring, column]`
+    scan: Vec<f32>,
+    /// `[noise channel, ring, column]`
+    noise: Vec<f32>,
+}
+
+/// What a run gave, each output `[ring, column]`.
+pub(crate) struct Outputs<'r>(SessionOutputs<'r>);
+
+/// A run that failed.
+#[derive(Debug, Error)]
+pub enum InferenceError {
+    /// ONNX Runtime reports an error.
+    #[error("ONNX Runtime: {0}")]
+    Runtime(#[from] ort::Error),
+    /// An output has another shape than the card promises.
+    #[error("output `{name}` has shape {found:?}, expected {expected:?}")]
+    Shape {
+        /// The output.
+        name: &'static str,
+        /// Its shape.
+        found: Vec<i64>,
+        /// The promised one.
+        expected: Vec<i64>,
+    },
+}
+
+impl Generator {
+    /// Loads a model, with `threads` threads within an operator.
+    pub(crate) fn new(model: &Model, threads: usize) -> Result<Self, SessionError> {
+        let sensor = &model.card.sensor;
+        Ok(Self {
+            session: model.session(threads)?,
+            rings: sensor.rings().len(),
+            columns: sensor.columns(),
+            scan: vec![0.0; tensor::SCAN_CHANNELS * sensor.pixels()],
+            noise: vec![0.0; model.card.noise_channels * sensor.pixels()],
+        })
+    }
+
+    /// Fills the inputs: the image into `scan`, numbers that depend on (seed, channel, ring, column) alone into `noise`. Channel 0 of
+    /// the generator decides ray drop, so noise begins with channel 1.
+    pub(crate) fn fill(&mut self, image: &RangeImage, seed: u64) {
+        image.write_tensor(&mut self.scan);
+        for (channel, block) in (1..).zip(self.noise.chunks_mut(self.rings * self.columns)) {
+            uniform(seed, channel, self.columns, block);
+        }
+    }
+
+    /// Runs the model on what [`fill`](Self::fill) put in.
+    pub(crate) fn run(&mut self) -> Result<Outputs<'_>, InferenceError> {
+        let pixels = self.rings * self.columns;
+        let shape = |block: &[f32]| [1, block.len() / pixels, self.rings, self.columns];
+        let scan = TensorRef::from_array_view((shape(&self.scan), &*self.scan))?;
+        let outputs = if self.noise.is_empty() {
+            self.session.run(ort::inputs![tensor::SCAN => scan])?
+        } else {
+            let noise = TensorRef::from_array_view((shape(&self.noise), &*self.noise))?;
+            self.session.run(ort::inputs![tensor::SCAN => scan, tensor::NOISE => noise])?
+        };
+        let expected = [1, 1, self.rings as i64, self.columns as i64];
+        for name in [tensor::RANGE, tensor::REFLECTANCE, tensor::KEEP] {
+            let (shape, _) = outputs[name].try_extract_tensor::<f32>()?;
+            if **shape != expected {
+                return Err(InferenceError::Shape { name, found: shape.to_vec(), expected: expected.to_vec() });
+            }
+        }
+        Ok(Outputs(outputs))
+    }
+}
+
+impl Outputs<'_> {
+    /// One output's values.
+    pub(crate) fn of(&self, name: &'static str) -> Result<&[f32], InferenceError> {
+        Ok(self.0[name].try_extract_tensor::<f32>()?.1)
+    }
+}

@@ -1,0 +1,70 @@
+//! The answer to a scan: its bytes, and headers that say what was done to it.
+
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::response::Response;
+use proto::MediaType;
+
+use crate::model::Model;
+use crate::pipeline::ScanAnswer;
+use crate::stopwatch::Stage;
+
+/// Who made the answer, and as what it travels.
+pub(crate) struct Served<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) version: u64,
+    pub(crate) media: MediaType,
+    pub(crate) seed: u64,
+}
+
+/// The answer with its headers:
+///
+/// | header | meaning |
+/// |---|---|
+/// | `x-realbeam-seed` | the seed used |
+/// | `x-realbeam-model`, `-model-version`, `-model-digest` | the model, and the SHA-256 of its file |
+/// | `x-realbeam-points-in` | points of the scan; the sum of the next five |
+/// | `x-realbeam-points-kept` | points of the answer |
+/// | `x-realbeam-points-dropped` | points whose ray the sensor does not report |
+/// | `x-realbeam-points-lost` | points behind a nearer one of the same ray |
+/// | `x-realbeam-points-invalid` | points that are NaN, infinite, or at the origin |
+/// | `x-realbeam-points-out-of-range` | points out of the sensor's range or view |
+/// | `x-realbeam-grid-coverage` | share of the model's rings that have a point |
+/// | `x-realbeam-warning` | what to change if the scan does not fit the model's sensor |
+/// | `Server-Timing` | milliseconds a stage |
+pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, served: &Served<'_>) -> Response {
+    let mut times = answer.times;
+    times.set(Stage::Queue, queued_for);
+    let numbers = [
+        ("x-realbeam-seed", served.seed),
+        ("x-realbeam-model-version", served.version),
+        ("x-realbeam-points-in", answer.report.points_in as u64),
+        ("x-realbeam-points-kept", answer.kept as u64),
+        ("x-realbeam-points-dropped", answer.dropped() as u64),
+        ("x-realbeam-points-lost", answer.report.lost as u64),
+        ("x-realbeam-points-invalid", answer.invalid() as u64),
+        ("x-realbeam-points-out-of-range", answer.out_of_range() as u64),
+    ];
+    let texts = [
+        ("x-realbeam-model", Some(served.model.name.clone())),
+        ("x-realbeam-model-digest", Some(format!("sha256:{}", served.model.digest))),
+        ("x-realbeam-grid-coverage", Some(format!("{:.4}", answer.coverage.rings))),
+        ("x-realbeam-warning", answer.warning),
+        ("server-timing", Some(times.to_string())),
+    ];
+    let mut response = Response::new(Body::from(answer.bytes));
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(served.media.name));
+    for (name, number) in numbers {
+        headers.insert(HeaderName::from_static(name), number.into());
+    }
+    for (name, text) in texts {
+        // All of these are plain ASCII: a model's name by the rules of the repository, the rest by how they are made.
+        if let Some(value) = text.and_then(|text| HeaderValue::try_from(text).ok()) {
+            headers.insert(HeaderName::from_static(name), value);
+        }
+    }
+    response
+}

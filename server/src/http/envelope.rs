@@ -1,0 +1,70 @@
+//! What every answer gets: a request id, a line in the log, and, if it is an error, its JSON body.
+
+use std::hash::{BuildHasher, RandomState};
+use std::sync::LazyLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use axum::Json;
+use axum::extract::Request;
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use proto::{ErrorBody, ErrorCode};
+
+use super::error::ApiError;
+
+/// Header of a request's id, in both directions.
+pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// Longest id that is taken over from a client.
+const MAX_ID_LENGTH: usize = 128;
+
+/// Runs the request and wraps its answer.
+pub(crate) async fn envelope(request: Request, next: Next) -> Response {
+    let started = Instant::now();
+    let id = taken_over(&request).unwrap_or_else(new_id);
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let mut response = next.run(request).await;
+    if let Some(error) = response.extensions_mut().remove::<ApiError>() {
+        response = with_body(response, &error, &id);
+    }
+    // An id is made of visible ASCII.
+    if let Ok(value) = HeaderValue::from_str(&id) {
+        response.headers_mut().insert(REQUEST_ID, value);
+    }
+    let (status, elapsed_ms) =
+        (response.status().as_u16(), format_args!("{:.3}", started.elapsed().as_secs_f64() * 1e3));
+    tracing::info!(request_id = id, %method, path, status, %elapsed_ms, "answered");
+    response
+}
+
+/// The error's JSON, with the headers that the answer has already (`Allow`).
+fn with_body(bare: Response, error: &ApiError, request_id: &str) -> Response {
+    if let Some(detail) = &error.detail {
+        tracing::error!(request_id, detail, "failed");
+    }
+    let body = ErrorBody { error: error.message.clone(), code: error.code, request_id: request_id.into() };
+    let mut response = (bare.status(), Json(body)).into_response();
+    if let Some(allow) = bare.headers().get(header::ALLOW) {
+        response.headers_mut().insert(header::ALLOW, allow.clone());
+    }
+    if error.code == ErrorCode::Overloaded {
+        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+    }
+    response
+}
+
+/// The client's own id, if it is short and plain.
+fn taken_over(request: &Request) -> Option<String> {
+    let id = request.headers().get(REQUEST_ID)?.to_str().ok()?;
+    let plain = !id.is_empty() && id.len() <= MAX_ID_LENGTH && id.bytes().all(|b| b.is_ascii_graphic());
+    plain.then(|| id.to_owned())
+}
+
+/// An id that no other request of this process has, nor, in all likelihood, of any other.
+fn new_id() -> String {
+    static PROCESS: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
+    static NUMBER: AtomicU64 = AtomicU64::new(1);
+    format!("{:016x}-{}", *PROCESS, NUMBER.fetch_add(1, Ordering::Relaxed))
+}

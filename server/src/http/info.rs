@@ -1,0 +1,62 @@
+//! `GET /info`: what the service is, takes and offers.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use proto::card::Card;
+use proto::media::{MEDIA_TYPES, MediaType};
+use serde::Serialize;
+
+use super::App;
+use crate::catalogue::Offer;
+
+/// The answer.
+#[derive(Debug, Serialize)]
+pub(crate) struct Info<'a> {
+    service: &'static str,
+    version: &'static str,
+    default_model: &'a str,
+    max_body_bytes: usize,
+    max_points: usize,
+    /// Types of scans, with the frame that each one is taken to be in.
+    media_types: &'static [MediaType],
+    models: Vec<ModelInfo<'a>>,
+}
+
+/// A model's newest version.
+#[derive(Debug, Serialize)]
+struct ModelInfo<'a> {
+    name: &'a str,
+    version: u64,
+    /// All versions, oldest first.
+    versions: Vec<u64>,
+    digest: String,
+    /// The whole card; `card.sensor.elevation_deg` lists the rings to simulate.
+    card: &'a Card,
+}
+
+/// The handler.
+pub(crate) async fn info(State(app): State<Arc<App>>) -> Json<serde_json::Value> {
+    let models = app.catalogue.models().filter_map(|(name, offers)| {
+        let offers: Vec<&Offer> = offers.collect();
+        let newest = offers.last()?;
+        Some(ModelInfo {
+            name,
+            version: newest.version,
+            versions: offers.iter().map(|offer| offer.version).collect(),
+            digest: format!("sha256:{}", newest.model.digest),
+            card: &newest.model.card,
+        })
+    });
+    let info = Info {
+        service: "realbeam-server",
+        version: env!("CARGO_PKG_VERSION"),
+        default_model: app.catalogue.default_model(),
+        max_body_bytes: app.max_body_bytes,
+        max_points: app.max_points,
+        media_types: &MEDIA_TYPES,
+        models: models.collect(),
+    };
+    Json(serde_json::to_value(info).unwrap_or_default())
+}

@@ -1,0 +1,75 @@
+//! The HTTP face: routes, and what all of them share.
+
+mod answer;
+mod envelope;
+mod error;
+mod info;
+mod models;
+mod query;
+mod scan;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::middleware;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use proto::ErrorCode;
+use tower_http::catch_panic::CatchPanicLayer;
+
+use crate::catalogue::Catalogue;
+use error::ApiError;
+
+/// What every handler works with.
+#[derive(Debug)]
+pub(crate) struct App {
+    pub(crate) catalogue: Catalogue,
+    /// Bytes that a body may have.
+    pub(crate) max_body_bytes: usize,
+    /// Points that a scan may have.
+    pub(crate) max_points: usize,
+    /// True once the service has been told to stop.
+    pub(crate) draining: AtomicBool,
+}
+
+impl App {
+    pub(crate) fn is_ready(&self) -> bool {
+        !self.draining.load(Ordering::Relaxed)
+    }
+}
+
+/// The service's routes.
+pub(crate) fn router(app: Arc<App>) -> Router {
+    let max_body_bytes = app.max_body_bytes;
+    Router::new()
+        .route("/v1/scan", post(scan::scan))
+        .route("/v2/health/live", get(models::live))
+        .route("/v2/health/ready", get(models::ready))
+        .route("/v2/models/{model}", get(models::metadata))
+        .route("/info", get(info::info))
+        .fallback(no_such_route)
+        .method_not_allowed_fallback(other_method)
+        .with_state(app)
+        .layer(DefaultBodyLimit::max(max_body_bytes))
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(middleware::from_fn(envelope::envelope))
+}
+
+async fn no_such_route() -> ApiError {
+    let routes = "POST /v1/scan, GET /v2/health/live, GET /v2/health/ready, GET /v2/models/{model}, GET /info";
+    ApiError::new(ErrorCode::RouteNotFound, format!("no such route; there are {routes}"))
+}
+
+async fn other_method() -> ApiError {
+    ApiError::new(ErrorCode::MethodNotAllowed, "this route does not take this method; see the Allow header")
+}
+
+// The signature is the layer's.
+#[allow(clippy::needless_pass_by_value)]
+fn panicked(panic: Box<dyn std::any::Any + Send>) -> Response {
+    let said =
+        panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
+    ApiError::hidden(ErrorCode::Internal, format!("a handler panicked: {}", said.unwrap_or_default())).into_response()
+}

@@ -1,0 +1,95 @@
+//! The query of `POST /v1/scan`.
+
+use lidar::label::CarlaTags;
+use proto::{ErrorCode, Frame};
+
+use super::error::ApiError;
+
+/// What the query says; nothing in it is obligatory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ScanQuery {
+    pub(crate) model: Option<String>,
+    pub(crate) version: Option<u64>,
+    pub(crate) seed: u64,
+    /// `None` leaves the frame to the body's type.
+    pub(crate) frame: Option<Frame>,
+    /// `None` means CARLA's newest table.
+    pub(crate) tags: Option<CarlaTags>,
+}
+
+/// Keys that a query may have.
+const KEYS: [&str; 5] = ["model", "version", "seed", "frame", "tags"];
+
+impl ScanQuery {
+    /// Reads the query's pairs; a key that is unknown or comes twice is an error, so that no misspelt wish is silently ignored.
+    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self, ApiError> {
+        let bad = |message: String| ApiError::new(ErrorCode::BadQuery, message);
+        let mut query = Self::default();
+        for (i, (key, value)) in pairs.iter().enumerate() {
+            if pairs[..i].iter().any(|(earlier, _)| earlier == key) {
+                return Err(bad(format!("query key `{key}` is given twice")));
+            }
+            let wrong = |expected: &str| bad(format!("query key `{key}` is `{value}`, expected {expected}"));
+            match key.as_str() {
+                "model" => query.model = Some(value.clone()),
+                "version" => query.version = Some(value.parse().map_err(|_| wrong("a whole number"))?),
+                "seed" => query.seed = value.parse().map_err(|_| wrong("a whole number from 0 to 2^64 - 1"))?,
+                "frame" => query.frame = Some(frame(value).ok_or_else(|| wrong("carla or ros"))?),
+                "tags" => query.tags = Some(tags(value).ok_or_else(|| wrong("0.9.13 or 0.9.14"))?),
+                _ => return Err(bad(format!("query key `{key}` is unknown; there are {}", KEYS.join(", ")))),
+            }
+        }
+        Ok(query)
+    }
+}
+
+fn frame(value: &str) -> Option<Frame> {
+    match value {
+        "carla" => Some(Frame::Carla),
+        "ros" => Some(Frame::Ros),
+        _ => None,
+    }
+}
+
+fn tags(value: &str) -> Option<CarlaTags> {
+    match value {
+        "0.9.13" => Some(CarlaTags::Until0913),
+        "0.9.14" => Some(CarlaTags::Since0914),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(pairs: &[(&str, &str)]) -> Result<ScanQuery, String> {
+        let pairs: Vec<_> = pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+        ScanQuery::parse(&pairs).map_err(|error| error.message)
+    }
+
+    #[test]
+    fn everything_is_optional_and_nothing_is_ignored() {
+        assert_eq!(parse(&[]), Ok(ScanQuery::default()));
+        let all = [
+            ("model", "m"),
+            ("version", "3"),
+            ("seed", "18446744073709551615"),
+            ("frame", "carla"),
+            ("tags", "0.9.13"),
+        ];
+        let expected = ScanQuery {
+            model: Some("m".into()),
+            version: Some(3),
+            seed: u64::MAX,
+            frame: Some(Frame::Carla),
+            tags: Some(CarlaTags::Until0913),
+        };
+        assert_eq!(parse(&all), Ok(expected));
+        let message = |pairs| parse(pairs).err().unwrap_or_default();
+        assert_eq!(message(&[("sed", "1")]), "query key `sed` is unknown; there are model, version, seed, frame, tags");
+        assert_eq!(message(&[("seed", "1"), ("seed", "1")]), "query key `seed` is given twice");
+        assert_eq!(message(&[("seed", "-1")]), "query key `seed` is `-1`, expected a whole number from 0 to 2^64 - 1");
+        assert_eq!(message(&[("frame", "left")]), "query key `frame` is `left`, expected carla or ros");
+    }
+}

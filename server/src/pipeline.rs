@@ -1,0 +1,182 @@
+//! The way of a scan, from bytes to bytes: written here once, for the service and for conversion.
+
+use std::sync::Arc;
+
+use axum::body::Bytes;
+use lidar::formats::{self, Format, FormatError, Limits};
+use lidar::projection::{ProjectionError, Report};
+use lidar::{PointCloud, Projection, Projector, RangeImage};
+use proto::Frame;
+use thiserror::Error;
+
+use crate::coverage::Coverage;
+use crate::generator::{Generator, InferenceError};
+use crate::model::{Model, SessionError};
+use crate::sampled::{NotANumber, SampleError, Sampled};
+use crate::stopwatch::{Stage, StageTimes, Stopwatch};
+
+/// A model, loaded and ready, with all the memory that a scan needs on its way.
+#[derive(Debug)]
+pub struct Pipeline {
+    model: Arc<Model>,
+    projector: Projector,
+    projection: Projection,
+    generator: Generator,
+    sampled: Sampled,
+    realistic: PointCloud,
+}
+
+/// A scan to make realistic.
+#[derive(Clone, Debug)]
+pub struct ScanJob {
+    /// The simulated scan.
+    pub bytes: Bytes,
+    /// Its format.
+    pub format: Format,
+    /// The format of the answer.
+    pub answer_format: Format,
+    /// The frame of its coordinates, and of the answer's.
+    pub frame: Frame,
+    /// What chance depends on.
+    pub seed: u64,
+    /// What the reader accepts.
+    pub limits: Limits,
+}
+
+/// A realistic scan.
+#[derive(Clone, Debug)]
+pub struct ScanAnswer {
+    /// The scan, in the format that was asked for.
+    pub bytes: Vec<u8>,
+    /// What became of the points on their way into the range image.
+    pub report: Report,
+    /// Points of the answer.
+    pub kept: usize,
+    /// How the scan fits the model's sensor.
+    pub coverage: Coverage,
+    /// What the sender should change so that it fits better.
+    pub warning: Option<String>,
+    /// Time by stage.
+    pub times: StageTimes,
+}
+
+/// A scan that did not get through.
+#[derive(Debug, Error)]
+pub enum ScanError {
+    /// Its bytes are not of its format.
+    #[error("scan: {0}")]
+    Decode(#[source] FormatError),
+    /// It cannot be projected.
+    #[error("scan: {0}")]
+    Project(#[from] ProjectionError),
+    /// The model's run failed.
+    #[error("model: {0}")]
+    Infer(#[from] InferenceError),
+    /// The model's answer is no answer.
+    #[error(transparent)]
+    NotANumber(#[from] NotANumber),
+    /// The answer does not fit its format.
+    #[error("answer: {0}")]
+    Encode(#[source] FormatError),
+}
+
+/// A pipeline that cannot be built.
+#[derive(Debug, Error)]
+pub enum PipelineError {
+    /// The model does not load.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The model does not run, not even on an empty scan.
+    #[error("model `{name}` does not run: {source}")]
+    TrialRun {
+        /// The model.
+        name: String,
+        /// What happens.
+        source: InferenceError,
+    },
+}
+
+impl Pipeline {
+    /// Loads a model, with `threads` threads within an operator, and tries it on an empty scan.
+    pub fn new(model: &Arc<Model>, threads: usize) -> Result<Self, PipelineError> {
+        let sensor = &model.card.sensor;
+        let mut generator = Generator::new(model, threads)?;
+        generator.fill(&RangeImage::empty(sensor.rings().len(), sensor.columns()), 0);
+        generator.run().map_err(|source| PipelineError::TrialRun { name: model.name.clone(), source })?;
+        Ok(Self {
+            projector: Projector::new(sensor),
+            model: Arc::clone(model),
+            projection: Projection::default(),
+            generator,
+            sampled: Sampled::default(),
+            realistic: PointCloud::default(),
+        })
+    }
+
+    /// Makes a scan realistic. The same bytes, model and seed give the same bytes, whatever ran before.
+    pub fn run(&mut self, job: &ScanJob) -> Result<ScanAnswer, ScanError> {
+        let mut watch = Stopwatch::start();
+
+        let mut simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
+        change_frame(&mut simulated, job.frame);
+        watch.lap(Stage::Decode);
+
+        self.projector.project_into(&simulated, &mut self.projection)?;
+        watch.lap(Stage::Project);
+
+        self.generator.fill(&self.projection.image, job.seed);
+        watch.lap(Stage::Tensor);
+
+        let outputs = self.generator.run()?;
+        watch.lap(Stage::Infer);
+
+        self.sampled.draw(&self.projection.image, &outputs, job.seed)?;
+        watch.lap(Stage::Sample);
+
+        self.projection.reconstruct_into(&simulated, self.sampled.measured(), &mut self.realistic);
+        change_frame(&mut self.realistic, job.frame);
+        watch.lap(Stage::Reconstruct);
+
+        let bytes = formats::encode(job.answer_format, &self.realistic).map_err(ScanError::Encode)?;
+        watch.lap(Stage::Encode);
+
+        let coverage = Coverage::of(&self.projection);
+        let warning = if simulated.is_empty() { None } else { coverage.warning(&self.model.card.sensor) };
+        let (report, kept) = (self.projection.report, self.realistic.len());
+        Ok(ScanAnswer { bytes, report, kept, coverage, warning, times: watch.times() })
+    }
+}
+
+impl ScanAnswer {
+    /// Points whose ray the sensor does not report.
+    pub fn dropped(&self) -> usize {
+        self.report.projected - self.kept
+    }
+
+    /// Points that are none: NaN, infinite, or at the sensor's origin.
+    pub fn invalid(&self) -> usize {
+        self.report.non_finite + self.report.zero_range
+    }
+
+    /// Points nearer or farther than the sensor sees, or above or below all its rings.
+    pub fn out_of_range(&self) -> usize {
+        self.report.out_of_range + self.report.outside_view
+    }
+}
+
+/// Between the sender's frame and ours; its own inverse.
+fn change_frame(cloud: &mut PointCloud, frame: Frame) {
+    match frame {
+        Frame::Ros => {}
+        Frame::Carla => cloud.mirror_y(),
+    }
+}
+
+impl From<SampleError> for ScanError {
+    fn from(error: SampleError) -> Self {
+        match error {
+            SampleError::Outputs(error) => Self::Infer(error),
+            SampleError::NotANumber(error) => Self::NotANumber(error),
+        }
+    }
+}

@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""Writes the tests' models: graphs of a few element-wise nodes that meet, or break, the contract of a Realbeam model.
+
+    pip install onnx==1.23.2 && python3 make_models.py
+
+models/passthrough/1    16 rings, 360 fixed columns, no noise: gives the scan back as it is, every ray kept
+models/passthrough/2    16 rings, dynamic columns, one noise channel: range + 0.01 m * noise, 0.8 * reflectance,
+                        keep = min(1, 0.9 + 0.1 * class), so that labelled rays always stay
+models/hdl64e/1         as passthrough/2, 64 rings and 2048 columns
+models/nan/1            as passthrough/2, with a range of NaN
+refused/*.onnx          one broken promise each, named after it
+"""
+import json
+import pathlib
+
+import onnx
+from onnx import TensorProto, helper
+
+HERE = pathlib.Path(__file__).parent
+
+
+def card(name, elevation_deg, columns, noise_channels):
+    return {
+        "schema": 1,
+        "name": name,
+        "summary": "Element-wise stand-in for tests",
+        "licence": "MIT OR Apache-2.0",
+        "sensor": {
+            "name": f"{len(elevation_deg)} rings for tests",
+            "columns": columns,
+            "range_min_m": 0.5,
+            "range_max_m": 120.0,
+            "rotation_hz": 10.0,
+            "elevation_deg": elevation_deg,
+        },
+        "column_multiple": 8,
+        "noise_channels": noise_channels,
+        "classes": ["unlabelled", "car"],
+    }
+
+
+def constant(name, value):
+    return helper.make_tensor(name, TensorProto.FLOAT, [], [value])
+
+
+def model(card, identity=False, nan=False, rings=None, columns="column", with_card=True, external=False):
+    rings = rings or len(card["sensor"]["elevation_deg"])
+    info = lambda name, channels: helper.make_tensor_value_info(
+        name, TensorProto.FLOAT, ["batch", channels, rings, columns])
+    node = helper.make_node
+    noise = card["noise_channels"]
+    nodes = [node("Split", ["scan"], ["range_in", "reflectance_in", "class_in"], axis=1, num_outputs=3)]
+    if identity:
+        nodes += [
+            node("Identity", ["range_in"], ["range"]),
+            node("Identity", ["reflectance_in"], ["reflectance"]),
+            node("Greater", ["range_in", "zero"], ["seen"]),
+            node("Cast", ["seen"], ["keep"], to=TensorProto.FLOAT),
+        ]
+    else:
+        nodes += [
+            node("Mul", ["noise", "not_a_number" if nan else "centimetre"], ["jitter"]),
+            node("Add", ["range_in", "jitter"], ["range"]),
+            node("Mul", ["reflectance_in", "share"], ["reflectance"]),
+            node("Mul", ["class_in", "tenth"], ["labelled"]),
+            node("Add", ["labelled", "base"], ["wish"]),
+            node("Min", ["wish", "one"], ["keep"]),
+        ]
+    initializers = [constant(*pair) for pair in
+                    [("zero", 0.0), ("centimetre", 0.01), ("share", 0.8), ("tenth", 0.1), ("base", 0.9), ("one", 1.0),
+                     ("not_a_number", float("nan"))]]
+    if external:
+        tensor = TensorProto(name="elsewhere", data_type=TensorProto.FLOAT, dims=[4])
+        tensor.data_location = TensorProto.EXTERNAL
+        tensor.external_data.add(key="location", value="../../secret.bin")
+        initializers.append(tensor)
+    inputs = [info("scan", 3)] + ([info("noise", noise)] if noise else [])
+    outputs = [info("range", 1), info("reflectance", 1), info("keep", 1)]
+    graph = helper.make_graph(nodes, "stand_in", inputs, outputs, initializers)
+    proto = helper.make_model(graph, producer_name="make_models.py", ir_version=9,
+                              opset_imports=[helper.make_opsetid("", 18)])
+    if with_card:
+        helper.set_model_props(proto, {"realbeam": json.dumps(card)})
+    return proto
+
+
+def write(proto, path):
+    path = HERE / path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(proto.SerializeToString(deterministic=True))
+
+
+rings16 = [15.0 - 2.0 * i for i in range(16)]
+rings64 = [1.9 - 0.335 * i for i in range(32)] + [-8.9 - 0.515 * i for i in range(32)]
+exact = card("passthrough", rings16, 360, 0)
+noisy = card("passthrough", rings16, 360, 1)
+write(model(exact, identity=True, columns=360), "models/passthrough/1/model.onnx")
+write(model(noisy), "models/passthrough/2/model.onnx")
+write(model(card("hdl64e", rings64, 2048, 1)), "models/hdl64e/1/model.onnx")
+write(model(card("nan", rings16, 360, 1), nan=True), "models/nan/1/model.onnx")
+write(model(noisy, with_card=False), "refused/no-card.onnx")
+write(model(noisy, rings=15), "refused/fifteen-rings.onnx")
+write(model(exact, identity=True, columns=512), "refused/columns-of-another-sensor.onnx")
+write(model(noisy, external=True), "refused/external-data.onnx")
