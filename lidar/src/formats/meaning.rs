@@ -78,18 +78,23 @@ impl Columns {
         };
         match self.0.remove(i).values {
             Values::F32(metres) => Ok(metres),
-            Values::F64(metres) => coordinates_m(axis, metres.into_iter()),
+            Values::F64(metres) => coordinates_m(axis, metres.into_iter(), 0),
             integers => Ok(to_f32(&integers)),
         }
     }
 }
 
-/// Coordinates as `f32`, refused where that would lose a millimetre (UTM and other map coordinates).
-pub(super) fn coordinates_m(field: &'static str, metres: impl Iterator<Item = f64>) -> Result<Vec<f32>, FormatError> {
-    let one = |(point, value_m): (usize, f64)| {
+/// Coordinates as `f32`, refused where that would lose a millimetre (UTM and other map coordinates). `first` is the index of the
+/// first one's point.
+pub(super) fn coordinates_m(
+    field: &'static str,
+    metres: impl Iterator<Item = f64>,
+    first: usize,
+) -> Result<Vec<f32>, FormatError> {
+    let one = |(i, value_m): (usize, f64)| {
         let far = (MILLIMETRE_RANGE_M..PLACE_RANGE_M).contains(&value_m.abs());
         if far && (f64::from(value_m as f32) - value_m).abs() > 0.5e-3 {
-            return Err(FormatError::FarFromOrigin { field, point, value_m });
+            return Err(FormatError::FarFromOrigin { field, point: first + i, value_m });
         }
         Ok(value_m as f32)
     };
