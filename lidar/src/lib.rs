@@ -5,6 +5,7 @@ pub mod cloud;
 pub mod formats;
 pub mod label;
 pub mod metrics;
+pub mod picture;
 pub mod projection;
 pub mod range_image;
 pub mod ray_drop;

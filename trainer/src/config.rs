@@ -103,6 +103,15 @@ fn yes() -> bool {
     true
 }
 
+/// A sensor by its built-in name or by the path of its TOML file.
+pub fn load_sensor(name: &str) -> Result<Sensor> {
+    if Path::new(name).extension().is_some_and(|extension| extension == "toml") {
+        let text = std::fs::read_to_string(name).with_context(|| format!("cannot read sensor {name}"))?;
+        return Sensor::from_toml(&text).with_context(|| format!("sensor {name}"));
+    }
+    Ok(Sensor::builtin(name)?)
+}
+
 impl TrainConfig {
     /// Reads and checks a config file.
     pub fn read(path: &Path) -> Result<Self> {
@@ -119,12 +128,7 @@ impl TrainConfig {
 
     /// The sensor that the model imitates.
     pub fn sensor(&self) -> Result<Sensor> {
-        let sensor = if Path::new(&self.sensor).extension().is_some_and(|e| e == "toml") {
-            let text = std::fs::read_to_string(&self.sensor).with_context(|| format!("sensor {}", self.sensor))?;
-            Sensor::from_toml(&text)?
-        } else {
-            Sensor::builtin(&self.sensor)?
-        };
+        let sensor = load_sensor(&self.sensor)?;
         match self.columns {
             Some(columns) => Ok(sensor.with_columns(columns)?),
             None => Ok(sensor),

@@ -1,0 +1,104 @@
+//! A trained network as `models/<name>/<version>/`: `model.onnx` with its card inside, and the card again for people.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use burn::tensor::{Device, Tensor};
+use lidar::label::CLASS_NAMES;
+use onnx::{Axis, Exporter};
+use proto::card::{Card, METADATA_KEY, SCHEMA, tensor};
+
+use crate::config::{DataConfig, TrainConfig};
+use crate::data::Scans;
+use crate::evaluate::Scores;
+use crate::network::{COLUMN_MULTIPLE, UNet};
+
+/// Writes a network and its card as ONNX bytes: physical units in and out, batch and column left free.
+pub fn to_onnx(network: &UNet, card: &Card) -> Result<Vec<u8>> {
+    let (rings, device) = (card.sensor.rings().len(), Device::flex());
+    let bytes = Exporter::new()
+        .input(tensor::SCAN)
+        .output(tensor::RANGE)
+        .output(tensor::REFLECTANCE)
+        .output(tensor::KEEP)
+        .dynamic(Axis::new("batch", 1).on(tensor::SCAN, 0))
+        .dynamic(Axis::new("column", 128).multiple_of(COLUMN_MULTIPLE).on(tensor::SCAN, 3))
+        .metadata(METADATA_KEY, &card.to_json())
+        .export(
+            network,
+            |sizes| Tensor::<4>::zeros([sizes["batch"], tensor::SCAN_CHANNELS, rings, sizes["column"]], &device),
+            |network, scan| {
+                let measured = network.forward(scan);
+                (measured.range_m, measured.reflectance, measured.keep)
+            },
+        )?;
+    Ok(bytes)
+}
+
+/// The card of a trained network.
+pub fn card(config: &TrainConfig, data_root: &Path, scores: &Scores) -> Result<Card> {
+    let sensor = config.sensor()?;
+    let dataset = |data: &DataConfig| Ok(Scans::load(data_root, data, &sensor)?.dataset);
+    Ok(Card {
+        schema: SCHEMA,
+        name: config.name.clone(),
+        summary: config.summary.clone(),
+        licence: config.licence.clone(),
+        trained_on: config.train.iter().map(dataset).collect::<Result<_>>()?,
+        sensor,
+        column_multiple: COLUMN_MULTIPLE,
+        noise_channels: 0,
+        classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
+        effects: vec![],
+        scores: scores.to_card(),
+        notes: config.notes.clone(),
+    })
+}
+
+/// Publishes a model as the next version in `models/<name>/` and returns its folder; nobody ever sees it half-written.
+pub fn publish(models: &Path, card: &Card, onnx: &[u8]) -> Result<PathBuf> {
+    let folder = models.join(&card.name);
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let mut newest = 0;
+    for entry in std::fs::read_dir(&folder)? {
+        let version = entry?.file_name().to_str().and_then(|name| name.parse::<u32>().ok());
+        newest = newest.max(version.unwrap_or(0));
+    }
+    let place = folder.join((newest + 1).to_string());
+    let building = tempfile::Builder::new().prefix(".model-").tempdir_in(&folder)?;
+    lidar::formats::write_atomically(&building.path().join("model.onnx"), onnx)?;
+    lidar::formats::write_atomically(&building.path().join("card.md"), to_markdown(card).as_bytes())?;
+    ensure!(!place.exists(), "{} appeared while it was being written", place.display());
+    let building = building.keep();
+    // A temporary folder is its owner's alone; a model is for whoever runs the server.
+    #[cfg(unix)]
+    std::fs::set_permissions(&building, std::os::unix::fs::PermissionsExt::from_mode(0o755))?;
+    std::fs::rename(&building, &place).with_context(|| format!("cannot publish {}", place.display()))?;
+    Ok(place)
+}
+
+/// The card for people.
+fn to_markdown(card: &Card) -> String {
+    let (near, far) = card.sensor.range_limits_m();
+    let (rings, columns) = (card.sensor.rings().len(), card.sensor.columns());
+    let mut out = format!(
+        "# {}\n\n{}.\n\n- Licence: {}\n- Sensor: {}, {rings} rings × {columns} columns, {near} to {far} m\n- Input and output: see ARCHITECTURE.md, \"One model = one ONNX file\"\n",
+        card.name,
+        card.summary.trim_end_matches('.'),
+        card.licence,
+        card.sensor.name,
+    );
+    if !card.notes.is_empty() {
+        let _ = write!(out, "\n{}\n", card.notes);
+    }
+    out += "\n## Learned from\n\n| data | licence | scans | SHA-256 |\n|---|---|---|---|\n";
+    for d in &card.trained_on {
+        let _ = writeln!(out, "| {} | {} | {} | `{}…` |", d.name, d.licence, d.scans, &d.sha256[..16.min(d.sha256.len())]);
+    }
+    out += "\n## Held-out scores\n\n| metric | unit | pass-through | model | scans |\n|---|---|---|---|---|\n";
+    for s in &card.scores {
+        let _ = writeln!(out, "| {} | {} | {:.4} | {:.4} | {} |", s.metric, s.unit, s.pass_through, s.model, s.scans);
+    }
+    out
+}
