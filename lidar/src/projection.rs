@@ -13,7 +13,7 @@ use crate::rings::{RingSource, Rings};
 use crate::sensor::Sensor;
 
 use grid::Grid;
-use polar::Polar;
+pub(crate) use polar::Polar;
 
 /// Marks a point without a pixel.
 pub const NO_PIXEL: u32 = u32::MAX;

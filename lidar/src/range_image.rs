@@ -1,5 +1,9 @@
 //! A range image: what every ray of a sensor's turn measured, `[ring, column]`.
 
+use crate::cloud::PointCloud;
+use crate::label::CLASS_IDS;
+use crate::sensor::Sensor;
+
 /// Ranges, reflectances and classes of one scan, each `[ring, column]`, row-major. A range of 0 is the one spelling of "no return";
 /// where there is none, reflectance and class are 0 too.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -107,6 +111,39 @@ impl RangeImage {
         for (to, class) in out[2 * pixels..].iter_mut().zip(&self.class) {
             *to = f32::from(*class);
         }
+    }
+
+    /// The returns as points, each where the sensor's own ray of its pixel meets the measured range: a cloud from image and sensor
+    /// alone. Ring and label are set, intensity is the reflectance.
+    ///
+    /// # Panics
+    /// If the image has not the sensor's size.
+    pub fn to_cloud(&self, sensor: &Sensor) -> PointCloud {
+        assert_eq!(
+            (self.rings, self.columns),
+            (sensor.rings().len(), sensor.columns()),
+            "an image of the sensor's size"
+        );
+        let mut cloud = PointCloud::new(1.0);
+        let (mut rings, mut labels) = (Vec::new(), Vec::new());
+        for ring in 0..self.rings {
+            for column in 0..self.columns {
+                let pixel = ring * self.columns + column;
+                let range_m = f64::from(self.range_m[pixel]);
+                if range_m > 0.0 {
+                    let [x, y, z] = sensor.point_m(ring, column, range_m);
+                    cloud.x.push(x as f32);
+                    cloud.y.push(y as f32);
+                    cloud.z.push(z as f32);
+                    cloud.intensity.push(self.reflectance[pixel]);
+                    rings.push(ring as u16);
+                    labels.push(CLASS_IDS.get(usize::from(self.class[pixel])).copied().unwrap_or(0));
+                }
+            }
+        }
+        cloud.ring = Some(rings);
+        cloud.label = Some(labels);
+        cloud
     }
 
     /// The image on a coarser grid of columns: each coarse pixel takes the nearest return of the fine pixels whose centres it covers.

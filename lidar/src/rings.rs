@@ -16,6 +16,8 @@ use serde::Serialize;
 use crate::cloud::PointCloud;
 use crate::sensor::Sensor;
 
+pub(crate) use order::{BACK_TURNS, number_rings};
+
 /// How a cloud's rings were told.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

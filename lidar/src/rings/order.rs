@@ -144,10 +144,10 @@ fn advances(turns: &[f32], range_m: &[f32], back_turns: f32) -> bool {
     )
 }
 
-/// Azimuth from straight ahead, counter-clockwise, 0 to 1.
+/// Azimuth from straight ahead, counter-clockwise, 0 to 1. A y that was rounded to −0 is the end of a ring, not the next one's beginning.
 #[inline(always)]
 fn ahead(turns: f32) -> f32 {
-    if turns < 0.0 { turns + 1.0 } else { turns }
+    if turns.is_sign_negative() { turns + 1.0 } else { turns }
 }
 
 impl super::Means {

@@ -1,6 +1,9 @@
 //! A spinning lidar's geometry: where each ring looks, how many columns make a turn, how far it sees.
 
 mod builtin;
+mod carla;
+pub mod estimate;
+mod ouster;
 
 pub use builtin::BUILTIN;
 
@@ -32,8 +35,8 @@ pub struct Sensor {
 
 /// One laser of a spinning lidar.
 ///
-/// Its beam leaves the spin axis `height_m` above the origin and `lateral_m` beside it: a return at horizontal distance d has
-/// z = d·tan(elevation) + height and azimuth = encoder azimuth + offset + asin(lateral / d).
+/// Its beam passes the spin axis `height_m` above the origin and `lateral_m` beside it: a return at horizontal distance d has
+/// z = √(d² − lateral²)·tan(elevation) + height and azimuth = encoder azimuth + offset + asin(lateral / d).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ring {
     /// Angle above the horizontal plane.
@@ -137,6 +140,17 @@ impl Sensor {
         Ok(self)
     }
 
+    /// The same rays with every ring's columns renumbered, so that azimuth offsets are at most half a column and neighbouring pixels
+    /// look in neighbouring directions. A column is then no longer one firing.
+    #[must_use]
+    pub fn destaggered(mut self) -> Self {
+        let column_rad = TAU / self.columns as f64;
+        for ring in &mut self.rings {
+            ring.azimuth_offset_rad -= (ring.azimuth_offset_rad / column_rad).round() * column_rad;
+        }
+        self
+    }
+
     /// The lasers, ring 0 first.
     pub fn rings(&self) -> &[Ring] {
         &self.rings
@@ -180,6 +194,16 @@ impl Sensor {
         let beam = &self.rings[ring];
         let azimuth = self.azimuth_rad(column) + beam.azimuth_offset_rad;
         [-beam.lateral_m * azimuth.sin(), beam.lateral_m * azimuth.cos(), beam.height_m]
+    }
+
+    /// The point on the beam of pixel (ring, column) at this range from the sensor's origin, in metres in the sensor's frame.
+    pub fn point_m(&self, ring: usize, column: usize, range_m: f64) -> [f64; 3] {
+        let (origin, direction) = (self.origin_m(ring, column), self.direction(ring, column));
+        // |origin + t·direction| = range, solved for the larger t.
+        let along: f64 = origin.iter().zip(&direction).map(|(o, d)| o * d).sum();
+        let away: f64 = origin.iter().map(|o| o * o).sum();
+        let t = (along * along - away + range_m * range_m).max(0.0).sqrt() - along;
+        std::array::from_fn(|i| origin[i] + t * direction[i])
     }
 
     fn check(&self) -> Result<(), SensorError> {
