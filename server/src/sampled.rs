@@ -48,10 +48,10 @@ impl Sampled {
         let (mut rays, mut returns) = (0, 0);
         for (i, simulated_m) in image.range_m().iter().enumerate() {
             let has_return = *simulated_m > 0.0;
-            let nan = range_m[i].is_nan() | reflectance[i].is_nan() | probability[i].is_nan();
+            let nan = range_m[i].is_nan() || reflectance[i].is_nan() || probability[i].is_nan();
             returns += usize::from(has_return);
-            rays += usize::from(has_return & nan);
-            self.keep[i] &= has_return & (range_m[i] > 0.0) & range_m[i].is_finite();
+            rays += usize::from(has_return && nan);
+            self.keep[i] &= has_return && range_m[i] > 0.0 && range_m[i].is_finite();
         }
         if rays > 0 { Err(NotANumber { rays, returns }.into()) } else { Ok(()) }
     }

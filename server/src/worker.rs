@@ -150,3 +150,102 @@ where
         let _ = task.reply.send(answer);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    fn size(queue: usize) -> Size {
+        Size { name: "test".into(), workers: 1, queue }
+    }
+
+    #[tokio::test]
+    async fn a_panic_fails_its_own_input_and_the_worker_is_built_anew() -> Result<(), PoolError> {
+        let built = Arc::new(AtomicUsize::new(0));
+        let counter = Arc::clone(&built);
+        let build = move || {
+            let number = counter.fetch_add(1, Ordering::SeqCst);
+            Ok::<_, Infallible>(move |input: usize| {
+                assert!(input != 13, "13 is not for me");
+                (number, input)
+            })
+        };
+        let Ok(pool) = Pool::start(&size(4), build);
+        assert_eq!(pool.run(1).await?.output, (0, 1));
+        assert_eq!(pool.run(13).await.err(), Some(PoolError::Panicked));
+        assert_eq!(pool.run(2).await?.output, (1, 2));
+        assert_eq!(built.load(Ordering::SeqCst), 2);
+        Ok(())
+    }
+
+    #[tokio::test]
+    async fn a_worker_that_cannot_be_built_anew_says_so_and_tries_again() -> Result<(), Box<dyn std::error::Error>> {
+        let builds = AtomicUsize::new(0);
+        let build = move || match builds.fetch_add(1, Ordering::SeqCst) {
+            1 => Err("no tools today"),
+            _ => Ok(|input: usize| assert!(input != 13, "13 is not for me")),
+        };
+        let pool = Pool::start(&size(4), build)?;
+        assert_eq!(pool.run(13).await.err(), Some(PoolError::Panicked));
+        assert_eq!(pool.run(1).await.err(), Some(PoolError::NotRebuilt));
+        pool.run(1).await?;
+        Ok(())
+    }
+
+    #[tokio::test]
+    async fn a_full_queue_turns_away_and_who_has_left_is_skipped() -> Result<(), PoolError> {
+        let (go, wait) = mpsc::channel::<()>();
+        let wait = Arc::new(Mutex::new(wait));
+        let done = Arc::new(Mutex::new(Vec::new()));
+        let record = Arc::clone(&done);
+        let build = move || {
+            let (wait, record) = (Arc::clone(&wait), Arc::clone(&record));
+            Ok::<_, Infallible>(move |input: usize| {
+                let _ = wait.lock().unwrap_or_else(PoisonError::into_inner).recv();
+                record.lock().unwrap_or_else(PoisonError::into_inner).push(input);
+            })
+        };
+        let Ok(pool) = Pool::start(&size(1), build);
+        let pool = Arc::new(pool);
+        let ask = |input| {
+            let pool = Arc::clone(&pool);
+            tokio::spawn(async move { pool.run(input).await.map(|done| done.output) })
+        };
+        let first = ask(1);
+        // The worker has taken the first input once the second one finds room.
+        let second = loop {
+            tokio::task::yield_now().await;
+            let second = ask(2);
+            tokio::time::sleep(Duration::from_millis(20)).await;
+            if !second.is_finished() {
+                break second;
+            }
+        };
+        assert_eq!(pool.run(3).await.err(), Some(PoolError::Full));
+        second.abort();
+        assert!(second.await.is_err_and(|error| error.is_cancelled()));
+        let _ = go.send(());
+        assert_eq!(first.await.ok(), Some(Ok(())));
+        // The second one frees its place without being worked on; `go` releases only one more.
+        let fourth = loop {
+            let fourth = ask(4);
+            tokio::time::sleep(Duration::from_millis(20)).await;
+            if !fourth.is_finished() {
+                break fourth;
+            }
+        };
+        let _ = go.send(());
+        assert_eq!(fourth.await.ok(), Some(Ok(())));
+        assert_eq!(*done.lock().unwrap_or_else(PoisonError::into_inner), [1, 4]);
+        Ok(())
+    }
+
+    #[test]
+    fn a_pool_whose_tools_cannot_be_made_does_not_start() {
+        let build = || Err::<fn(usize), _>("no tools");
+        assert_eq!(Pool::<usize, ()>::start(&size(1), build).err(), Some("no tools"));
+    }
+}

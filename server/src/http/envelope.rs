@@ -27,20 +27,20 @@ pub(crate) async fn envelope(request: Request, next: Next) -> Response {
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let mut response = next.run(request).await;
     if let Some(error) = response.extensions_mut().remove::<ApiError>() {
-        response = with_body(response, &error, &id);
+        response = with_body(&response, &error, &id);
     }
     // An id is made of visible ASCII.
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, value);
     }
-    let (status, elapsed_ms) =
-        (response.status().as_u16(), format_args!("{:.3}", started.elapsed().as_secs_f64() * 1e3));
-    tracing::info!(request_id = id, %method, path, status, %elapsed_ms, "answered");
+    let status = response.status().as_u16();
+    let elapsed_ms = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
+    tracing::info!(request_id = id, %method, path, status, elapsed_ms, "answered");
     response
 }
 
 /// The error's JSON, with the headers that the answer has already (`Allow`).
-fn with_body(bare: Response, error: &ApiError, request_id: &str) -> Response {
+fn with_body(bare: &Response, error: &ApiError, request_id: &str) -> Response {
     if let Some(detail) = &error.detail {
         tracing::error!(request_id, detail, "failed");
     }

@@ -2,6 +2,7 @@
 
 use axum::response::{IntoResponse, Response};
 use lidar::formats::FormatError;
+use lidar::projection::ProjectionError;
 use proto::ErrorCode;
 
 use crate::catalogue::CatalogueError;
@@ -26,7 +27,7 @@ impl ApiError {
     }
 
     /// An error of our own: paths, versions and libraries' words stay in the log.
-    pub(crate) fn hidden(code: ErrorCode, detail: impl ToString) -> Self {
+    pub(crate) fn hidden(code: ErrorCode, detail: &impl ToString) -> Self {
         let message = match code {
             ErrorCode::ModelFailed => "the model failed; the service's log has the details under this request_id",
             _ => "internal error; the service's log has the details under this request_id",
@@ -49,8 +50,9 @@ impl From<ScanError> for ApiError {
         let message = error.to_string();
         match &error {
             ScanError::Decode(format) => Self::new(decode_code(format), message),
+            ScanError::Project(ProjectionError::TooManyPoints(_)) => Self::new(ErrorCode::TooManyPoints, message),
             ScanError::Project(_) => Self::new(ErrorCode::UnusableScan, message),
-            ScanError::Infer(_) => Self::hidden(ErrorCode::ModelFailed, message),
+            ScanError::Infer(_) => Self::hidden(ErrorCode::ModelFailed, &message),
             ScanError::NotANumber(_) => Self::new(ErrorCode::ModelFailed, message),
             ScanError::Encode(_) => Self::new(ErrorCode::UnencodableAnswer, message),
         }
@@ -71,7 +73,7 @@ impl From<PoolError> for ApiError {
     fn from(error: PoolError) -> Self {
         match error {
             PoolError::Full => Self::new(ErrorCode::Overloaded, "too many scans wait already; try again later"),
-            PoolError::Panicked | PoolError::NotRebuilt => Self::hidden(ErrorCode::Internal, error),
+            PoolError::Panicked | PoolError::NotRebuilt => Self::hidden(ErrorCode::Internal, &error),
             PoolError::Ended => Self::new(ErrorCode::NotReady, "the service is stopping"),
         }
     }
@@ -83,8 +85,8 @@ impl From<RepositoryError> for ApiError {
             RepositoryError::UnknownName { .. } | RepositoryError::UnknownVersion { .. } => {
                 Self::new(ErrorCode::ModelNotFound, error.to_string())
             }
-            RepositoryError::Io { .. } => Self::hidden(ErrorCode::Internal, error),
-            RepositoryError::Model(_) => Self::hidden(ErrorCode::ModelFailed, error),
+            RepositoryError::Io { .. } => Self::hidden(ErrorCode::Internal, &error),
+            RepositoryError::Model(_) => Self::hidden(ErrorCode::ModelFailed, &error),
         }
     }
 }
@@ -93,7 +95,7 @@ impl From<CatalogueError> for ApiError {
     fn from(error: CatalogueError) -> Self {
         match error {
             CatalogueError::Repository(error) => error.into(),
-            error => Self::hidden(ErrorCode::ModelFailed, error),
+            error => Self::hidden(ErrorCode::ModelFailed, &error),
         }
     }
 }

@@ -71,5 +71,5 @@ async fn other_method() -> ApiError {
 fn panicked(panic: Box<dyn std::any::Any + Send>) -> Response {
     let said =
         panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
-    ApiError::hidden(ErrorCode::Internal, format!("a handler panicked: {}", said.unwrap_or_default())).into_response()
+    ApiError::hidden(ErrorCode::Internal, &format!("a handler panicked: {}", said.unwrap_or_default())).into_response()
 }

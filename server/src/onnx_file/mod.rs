@@ -68,9 +68,8 @@ impl OnnxFile {
     pub fn parse(bytes: &[u8]) -> Result<Self, OnnxFileError> {
         let model = wire::Model::decode(bytes)?;
         let graph = model.graph.ok_or(OnnxFileError::NoGraph)?;
-        let functions = model.functions.iter().flat_map(|function| &function.node);
-        if let Some(name) = graph.external_tensor().or_else(|| functions.filter_map(wire::Node::external_tensor).next())
-        {
+        let mut functions = model.functions.iter().flat_map(|function| &function.node);
+        if let Some(name) = graph.external_tensor().or_else(|| functions.find_map(wire::Node::external_tensor)) {
             return Err(OnnxFileError::ExternalData(name.into()));
         }
         // Until IR version 3 weights were listed among the inputs too.

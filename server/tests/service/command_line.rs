@@ -1,0 +1,105 @@
+//! The binary: what it prints, how it fails, how it stops.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use crate::support::{Result, bin, data};
+
+fn realbeam_server() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_realbeam-server"));
+    command.env("REALBEAM_MODELS", data().join("models")).env_remove("RUST_LOG");
+    command
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn inspect_prints_card_inputs_and_outputs_without_onnx_runtime() -> Result {
+    let output = realbeam_server().args(["inspect", "passthrough"]).env("ORT_DYLIB_PATH", "/nowhere.so").output()?;
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout)?;
+    let digest = text.lines().find_map(|line| line.strip_prefix("SHA-256    ")).unwrap_or_default().to_owned();
+    assert_eq!(digest.len(), 64);
+    let expected = "\
+passthrough, version 2: Element-wise stand-in for tests
+SHA-256    DIGEST
+licence    MIT OR Apache-2.0
+sensor     16 rings for tests: 16 rings × 360 columns, 0.5–120 m, 10 Hz
+elevation  +15.000 +13.000 +11.000 +9.000 +7.000 +5.000 +3.000 +1.000 -1.000 -3.000 -5.000 -7.000 -9.000 -11.000 -13.000 -15.000 deg
+classes    unlabelled, car
+input      scan float32 [batch, 3, 16, column]
+input      noise float32 [batch, 1, 16, column]
+output     range float32 [batch, 1, 16, column]
+output     reflectance float32 [batch, 1, 16, column]
+output     keep float32 [batch, 1, 16, column]
+";
+    assert_eq!(text, expected.replace("DIGEST", &digest));
+    Ok(())
+}
+
+#[test]
+fn without_onnx_runtime_the_error_says_the_command_that_mends_it() -> Result {
+    for arguments in
+        [&["serve", "--addr=127.0.0.1:0", "--default-model=passthrough"][..], &["convert", "a.bin", "b.bin"]]
+    {
+        let output = realbeam_server().args(arguments).env("ORT_DYLIB_PATH", "/nowhere/libonnxruntime.so").output()?;
+        assert!(!output.status.success());
+        let said = stderr(&output);
+        assert!(said.contains("there is no /nowhere/libonnxruntime.so; run `scripts/fetch-onnxruntime.sh`"), "{said}");
+    }
+    let broken = tempfile::NamedTempFile::new()?;
+    let output = realbeam_server().args(["convert", "a.bin", "b.bin"]).env("ORT_DYLIB_PATH", broken.path()).output()?;
+    assert!(stderr(&output).contains("cannot be loaded") && stderr(&output).contains("scripts/fetch-onnxruntime.sh"));
+    Ok(())
+}
+
+#[test]
+fn convert_reports_failures_with_its_exit_code() -> Result {
+    let folder = tempfile::tempdir()?;
+    fs::write(folder.path().join("good.bin"), bin()?)?;
+    let convert = |from: &str, to: &str| {
+        let arguments = ["convert", "--model=passthrough", "--seed=1", from, to];
+        realbeam_server().args(arguments).current_dir(folder.path()).output()
+    };
+    assert!(convert("good.bin", "out.ply")?.status.success());
+    assert!(folder.path().join("out.ply").is_file());
+    fs::create_dir(folder.path().join("in"))?;
+    fs::write(folder.path().join("in/bad.bin"), [0; 5])?;
+    let output = convert("in", "out")?;
+    assert!(!output.status.success());
+    assert!(stderr(&output).contains("1 of 1 files failed:\nin/bad.bin: scan: "), "{}", stderr(&output));
+    Ok(())
+}
+
+#[test]
+fn a_request_under_way_at_sigterm_is_answered() -> Result {
+    let mut service = realbeam_server();
+    let service = service.args(["serve", "--addr=127.0.0.1:0", "--default-model=passthrough"]);
+    let mut service = service.stderr(Stdio::piped()).spawn()?;
+    let mut log = BufReader::new(service.stderr.take().ok_or("no stderr")?);
+    let mut line = String::new();
+    while !line.contains("listening at http://") {
+        line.clear();
+        assert!(log.read_line(&mut line)? > 0, "the service ended before it listened");
+    }
+    let addr = line.trim().rsplit('/').next().unwrap_or_default();
+    let body = bin()?;
+    let mut stream = TcpStream::connect(addr)?;
+    write!(stream, "POST /v1/scan HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {}\r\n\r\n", body.len())?;
+    stream.write_all(&body[..1000])?;
+    thread::sleep(Duration::from_millis(200));
+    assert!(Command::new("kill").arg(service.id().to_string()).status()?.success());
+    thread::sleep(Duration::from_millis(200));
+    stream.write_all(&body[1000..])?;
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer)?;
+    assert!(answer.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&answer[..answer.len().min(200)]));
+    assert!(service.wait()?.success());
+    Ok(())
+}

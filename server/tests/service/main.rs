@@ -1,0 +1,9 @@
+//! The service as its users meet it: over HTTP, on files, from the command line. Needs ONNX Runtime (scripts/fetch-onnxruntime.sh).
+
+mod answers;
+mod command_line;
+mod conversion;
+mod errors;
+mod formats;
+mod models;
+mod support;

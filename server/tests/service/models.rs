@@ -1,0 +1,94 @@
+//! What the service offers, and which files it refuses.
+
+use std::fs;
+
+use server::Model;
+use sha2::{Digest, Sha256};
+
+use crate::support::{Result, Service, bin, config, data};
+
+#[test]
+fn info_lists_the_rings_to_simulate() -> Result {
+    let info = Service::start()?.get("/info")?.json()?;
+    assert_eq!(info["default_model"], "passthrough");
+    assert_eq!(info["media_types"][0]["name"], "application/octet-stream");
+    let names: Vec<_> = info["models"].as_array().into_iter().flatten().map(|m| m["name"].clone()).collect();
+    assert_eq!(names, ["hdl64e", "nan", "passthrough"]);
+    let model = &info["models"][2];
+    assert_eq!((&model["version"], &model["versions"]), (&2.into(), &serde_json::json!([1, 2])));
+    let sensor = &model["card"]["sensor"];
+    assert_eq!(sensor["columns"], 360);
+    let elevations: Vec<f64> = (0..16).map(|i| 15.0 - 2.0 * f64::from(i)).collect();
+    assert_eq!(sensor["elevation_deg"], serde_json::json!(elevations));
+    let digest = Sha256::digest(fs::read(data().join("models/passthrough/2/model.onnx"))?);
+    let digest: Vec<String> = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(model["digest"], format!("sha256:{}", digest.concat()));
+    Ok(())
+}
+
+#[test]
+fn health_and_metadata_follow_the_open_inference_protocol() -> Result {
+    let service = Service::start()?;
+    assert_eq!(service.get("/v2/health/live")?.json()?, serde_json::json!({ "live": true }));
+    assert_eq!(service.get("/v2/health/ready")?.json()?, serde_json::json!({ "ready": true }));
+    let tensor = |name: &str, shape: [i64; 4]| serde_json::json!({ "name": name, "datatype": "FP32", "shape": shape });
+    let metadata = service.get("/v2/models/passthrough")?.json()?;
+    let outputs = ["range", "reflectance", "keep"].map(|name| tensor(name, [-1, 1, 16, -1]));
+    let expected = serde_json::json!({
+        "name": "passthrough",
+        "versions": ["1", "2"],
+        "platform": "onnxruntime_onnx",
+        "inputs": [tensor("scan", [-1, 3, 16, -1]), tensor("noise", [-1, 1, 16, -1])],
+        "outputs": outputs,
+    });
+    assert_eq!(metadata, expected);
+    Ok(())
+}
+
+#[test]
+fn files_that_break_the_contract_are_refused_with_what_is_wrong() {
+    let problem = |file: &str| Model::read(&data().join("refused").join(file)).map_err(|e| e.problem.to_string()).err();
+    for (file, words) in [
+        ("no-card.onnx", "has no card: metadata property `realbeam` is missing"),
+        (
+            "fifteen-rings.onnx",
+            "inputs are `scan float32 [batch, 3, 15, column]; noise float32 [batch, 1, 15, column]`",
+        ),
+        ("columns-of-another-sensor.onnx", "expected `scan float32 [batch, 3, 16, column or 360]`"),
+        ("external-data.onnx", "weight `elsewhere` is external data"),
+        ("no-such-file.onnx", "cannot be read"),
+    ] {
+        let problem = problem(file).unwrap_or_default();
+        assert!(problem.contains(words), "{file}: {problem}");
+    }
+}
+
+#[test]
+fn a_damaged_file_is_never_a_model() -> Result {
+    let whole = fs::read(data().join("models/passthrough/2/model.onnx"))?;
+    assert!(Model::from_bytes(whole.clone()).is_ok());
+    for length in 0..whole.len() {
+        assert!(Model::from_bytes(whole[..length].to_vec()).is_err(), "cut to {length} bytes");
+    }
+    Ok(())
+}
+
+#[test]
+fn a_damaged_model_beside_good_ones_is_left_out_but_not_as_the_default() -> Result {
+    let folder = tempfile::tempdir()?;
+    for (name, file) in [("good", "models/passthrough/2/model.onnx"), ("bad", "refused/fifteen-rings.onnx")] {
+        let version = folder.path().join(name).join("1");
+        fs::create_dir_all(&version)?;
+        fs::copy(data().join(file), version.join("model.onnx"))?;
+    }
+    let mut config = config()?;
+    (config.models, config.default_model) = (folder.path().into(), "good".into());
+    let service = Service::with(&config)?;
+    assert_eq!(service.scan("?model=bad", &[], &bin()?)?.status, 404);
+    assert_eq!(service.scan("", &[], &bin()?)?.header("x-realbeam-model"), "good");
+    config.default_model = "bad".into();
+    assert!(Service::with(&config).err().is_some_and(|e| e.to_string().contains("graph and card disagree")));
+    config.default_model = "hdl64e".into();
+    assert!(Service::with(&config).err().is_some_and(|e| e.to_string() == "no model `hdl64e`; there are: bad, good"));
+    Ok(())
+}
