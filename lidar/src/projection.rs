@@ -1,6 +1,7 @@
 //! Projection: a point cloud into a sensor's range image, and back.
 
 mod grid;
+pub mod loss;
 mod polar;
 
 use serde::Serialize;
@@ -21,7 +22,10 @@ pub const NO_PIXEL: u32 = u32::MAX;
 /// A cloud may have at most this share of points that are NaN, infinite or at the origin before it is refused.
 pub const MAX_INVALID_SHARE: f64 = 0.5;
 
-/// Ids of the largest label map there is are below this (SemanticKITTI's end at 259).
+/// Columns that are painted together.
+const TILE: usize = 64;
+
+/// Ids of every label map that is known are below this (those of `label.rs` end at 259).
 const LABEL_IDS: u32 = 512;
 
 /// Projects clouds into one sensor's range images; keeps its tables and memory from scan to scan.
@@ -114,6 +118,13 @@ impl Projector {
         }
     }
 
+    /// The same, but rings are told by elevation alone, whatever the clouds' ring field or order say.
+    #[must_use]
+    pub fn by_elevation(mut self) -> Self {
+        self.rings.use_elevation_alone();
+        self
+    }
+
     /// The sensor.
     pub fn sensor(&self) -> &Sensor {
         &self.sensor
@@ -193,7 +204,6 @@ impl Projection {
         let points = cloud.len();
         // Tile by tile, since the points of a few columns lie together in memory whether the cloud lists ring after ring or firing
         // after firing.
-        const TILE: usize = 64;
         for first in (0..columns).step_by(TILE) {
             for row in 0..rings {
                 let pixels = row * columns + first..row * columns + (first + TILE).min(columns);

@@ -30,7 +30,7 @@ impl RangeImage {
     /// # Panics
     /// If the three differ in length or do not fill `columns`.
     pub fn from_channels(columns: usize, range_m: Vec<f32>, reflectance: Vec<f32>, class: Vec<u8>) -> Self {
-        assert!(columns > 0 && range_m.len() % columns == 0, "{} pixels in {columns} columns", range_m.len());
+        assert!(columns > 0 && range_m.len().is_multiple_of(columns), "{} pixels in {columns} columns", range_m.len());
         assert!(range_m.len() == reflectance.len() && range_m.len() == class.len(), "channels of one length");
         let mut image = Self { rings: range_m.len() / columns, columns, range_m, reflectance, class };
         for i in 0..image.range_m.len() {
@@ -78,7 +78,7 @@ impl RangeImage {
         &self.reflectance
     }
 
-    /// Classes of SemanticKITTI's learning map, 0 = unlabelled.
+    /// Classes of the learning map (see [`class_of`](crate::label::class_of)), 0 = unlabelled.
     pub fn class(&self) -> &[u8] {
         &self.class
     }
@@ -147,6 +147,7 @@ impl RangeImage {
     }
 
     /// The image on a coarser grid of columns: each coarse pixel takes the nearest return of the fine pixels whose centres it covers.
+    #[must_use]
     pub fn resample_columns(&self, columns: usize) -> Self {
         let mut out = Self::empty(self.rings, columns);
         for ring in 0..self.rings {

@@ -53,6 +53,7 @@ pub(crate) struct Rings {
     means: Means,
     /// Ring of the sensor by ring of the cloud.
     map: Vec<u16>,
+    elevation_alone: bool,
 }
 
 /// Where the rings' beams (nearly) cross: `height_m` above the origin and `behind_m` behind the spin axis.
@@ -111,8 +112,13 @@ impl Rings {
             slots_per_unit: (SLOTS as f64 / (tan_max - tan_min)) as f32,
             means: Means::default(),
             map: Vec::with_capacity(elevation_rad.len()),
+            elevation_alone: false,
             elevation_rad,
         }
+    }
+
+    pub(crate) fn use_elevation_alone(&mut self) {
+        self.elevation_alone = true;
     }
 
     /// Fills `rows` with the ring of each point, [`NO_RING`] where none sees it; `turns` and `range_m` are the points' azimuth and range.
@@ -124,9 +130,9 @@ impl Rings {
         rows: &mut Vec<u16>,
     ) -> RingSource {
         rows.resize(cloud.len(), NO_RING);
-        if self.assign_by_field(cloud, rows) {
+        if !self.elevation_alone && self.assign_by_field(cloud, rows) {
             RingSource::Field
-        } else if self.assign_by_order(cloud, turns, range_m, rows) {
+        } else if !self.elevation_alone && self.assign_by_order(cloud, turns, range_m, rows) {
             RingSource::Order
         } else {
             self.assign_by_elevation(cloud, rows);

@@ -48,7 +48,7 @@ impl Polar {
                     let (zero, finite) = (range == 0.0, range < f32::INFINITY);
                     zero_range = zero_range.wrapping_add(u32::from(zero));
                     infinite = infinite.wrapping_add(u32::from(!finite));
-                    let outside = finite & !zero & ((range < limits_m.0) | (range > limits_m.1));
+                    let outside = finite && !zero && (range < limits_m.0 || range > limits_m.1);
                     beyond = beyond.wrapping_add(u32::from(outside));
                 }
             },

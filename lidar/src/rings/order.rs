@@ -134,12 +134,14 @@ fn advances(turns: &[f32], range_m: &[f32], back_turns: f32) -> bool {
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            let mut all = true;
+            let mut outside = 0u32;
             for ((&before, &turn), &range) in turns.iter().zip(&turns[1..]).zip(range_m) {
                 let step = ahead(turn) - ahead(before);
-                all &= (range > 0.0) & (range < f32::INFINITY) & (step >= -back_turns) & (step <= AHEAD_TURNS);
+                let ends = step < -back_turns || step > AHEAD_TURNS;
+                let measured = range > 0.0 && range < f32::INFINITY;
+                outside |= u32::from(ends) | u32::from(!measured);
             }
-            all
+            outside == 0
         },
     )
 }

@@ -123,11 +123,12 @@ impl Sensor {
     /// ticks a turn at which the azimuths, so corrected, concentrate.
     pub fn estimate(clouds: &[PointCloud], options: &EstimateOptions) -> Result<Estimate, EstimateError> {
         let (mut beams, ring_source) = beams::sort(clouds)?;
-        let mut lines: Vec<line::Line> = beams.iter().map(|beam| line::fit(beam, 0.0)).collect();
+        let lines: Vec<line::Line> = beams.iter().map(|beam| line::fit(beam, 0.0, 0.0)).collect();
         let mut order: Vec<usize> = (0..beams.len()).collect();
         order.sort_by(|a, b| lines[*b].tangent.total_cmp(&lines[*a].tangent));
         beams = order.iter().map(|i| std::mem::take(&mut beams[*i])).collect();
-        lines = order.iter().map(|i| lines[*i]).collect();
+
+        let usual_height_m = line::median(&mut lines.iter().map(|line| line.height_m).collect::<Vec<_>>());
 
         let pitch = columns::find(&beams);
         let phases: Vec<Option<columns::Phase>> = match pitch {
@@ -136,9 +137,9 @@ impl Sensor {
         };
         let mut rings = Vec::with_capacity(beams.len());
         let mut fits = Vec::with_capacity(beams.len());
-        for ((beam, first_line), phase) in beams.iter().zip(&lines).zip(&phases) {
+        for (beam, phase) in beams.iter().zip(&phases) {
             let lateral_m = phase.map_or(0.0, |phase| phase.lateral_m);
-            let line = if lateral_m == 0.0 { *first_line } else { line::fit(beam, lateral_m) };
+            let line = line::fit(beam, lateral_m, usual_height_m);
             rings.push(Ring {
                 elevation_rad: line.tangent.atan(),
                 azimuth_offset_rad: phase.map_or(0.0, |phase| phase.offset_rad),

@@ -224,16 +224,16 @@ impl Sensor {
             return fail("rotation_hz".into(), "above 0, at most 1000", self.rotation_hz.to_string());
         }
         for (i, ring) in self.rings.iter().enumerate() {
-            if !(ring.elevation_rad.abs() < PI / 2.0) {
+            if ring.elevation_rad.is_nan() || ring.elevation_rad.abs() >= PI / 2.0 {
                 let found = format!("{}", ring.elevation_rad.to_degrees());
                 return fail(format!("elevation_deg[{i}]"), "between −90 and 90", found);
             }
-            if !(ring.azimuth_offset_rad.abs() <= TAU) {
+            if ring.azimuth_offset_rad.is_nan() || ring.azimuth_offset_rad.abs() > TAU {
                 let found = format!("{}", ring.azimuth_offset_rad.to_degrees());
                 return fail(format!("azimuth_offset_deg[{i}]"), "between −360 and 360", found);
             }
             for (field, value) in [("height_m", ring.height_m), ("lateral_m", ring.lateral_m)] {
-                if !(value.abs() <= 10.0) {
+                if value.is_nan() || value.abs() > 10.0 {
                     return fail(format!("{field}[{i}]"), "between −10 and 10", value.to_string());
                 }
             }

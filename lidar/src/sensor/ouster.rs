@@ -25,7 +25,7 @@ impl Sensor {
         let azimuth_deg = list(&metadata, "beam_intrinsics", "beam_azimuth_angles", name)?;
         if azimuth_deg.len() != altitude_deg.len() {
             let expected = format!("{}, as beam_altitude_angles has", altitude_deg.len());
-            return Err(unexpected(name, "length of beam_azimuth_angles", &expected, azimuth_deg.len()));
+            return Err(unexpected(name, "length of beam_azimuth_angles", &expected, &azimuth_deg.len()));
         }
         let (columns, rotation_hz) = mode(&metadata, name)?;
         let origin = find(&metadata, "beam_intrinsics", "lidar_origin_to_beam_origin_mm");
@@ -62,10 +62,10 @@ fn text<'a>(metadata: &'a Value, group: &str, key: &str) -> Option<&'a str> {
 
 fn list(metadata: &Value, group: &str, key: &str, name: &str) -> Result<Vec<f64>, SensorError> {
     let Some(values) = find(metadata, group, key).and_then(Value::as_array) else {
-        return Err(unexpected(name, key, "a list of angles in degrees", "none"));
+        return Err(unexpected(name, key, "a list of angles in degrees", &"none"));
     };
     if values.len() > MAX_RINGS {
-        return Err(unexpected(name, &format!("length of {key}"), &format!("at most {MAX_RINGS}"), values.len()));
+        return Err(unexpected(name, &format!("length of {key}"), &format!("at most {MAX_RINGS}"), &values.len()));
     }
     let number = |(i, value): (usize, &Value)| {
         value.as_f64().ok_or_else(|| unexpected(name, &format!("{key}[{i}]"), "an angle in degrees", value))
@@ -78,7 +78,7 @@ fn mode(metadata: &Value, name: &str) -> Result<(usize, f32), SensorError> {
     let mode = text(metadata, "config_params", "lidar_mode").unwrap_or_default();
     let parsed = mode.split_once('x').and_then(|(columns, hz)| Some((columns.parse().ok()?, hz.parse().ok()?)));
     parsed.ok_or_else(|| {
-        unexpected(name, "lidar_mode", "columns x turns a second, as in \"1024x10\"", format!("{mode:?}"))
+        unexpected(name, "lidar_mode", "columns x turns a second, as in \"1024x10\"", &format!("{mode:?}"))
     })
 }
 
@@ -98,7 +98,7 @@ fn mounting(metadata: &Value, name: &str) -> Result<(f64, f64), SensorError> {
     Ok((numbers[4].atan2(numbers[0]), numbers[11] / 1000.0))
 }
 
-fn unexpected(name: &str, field: &str, expected: &str, found: impl ToString) -> SensorError {
+fn unexpected(name: &str, field: &str, expected: &str, found: &dyn ToString) -> SensorError {
     let found: String = found.to_string().chars().take(80).collect();
     SensorError::OutOfBounds { name: name.into(), field: field.into(), expected: expected.into(), found }
 }

@@ -13,6 +13,9 @@ pub(super) const MIN_POINTS: usize = 16;
 /// Most rings that a spinning sensor is thought to have where the scan does not number them.
 const MOST_RINGS: usize = 256;
 
+/// Tells the ring of every point of every scan, or nothing.
+type Way = fn(&[PointCloud]) -> Option<Vec<Vec<u16>>>;
+
 /// The points of one laser.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beam {
@@ -45,7 +48,7 @@ pub(super) fn sort(clouds: &[PointCloud]) -> Result<(Vec<Beam>, RingSource), Est
     if points < MIN_POINTS {
         return Err(too_few);
     }
-    let ways: [(RingSource, fn(&[PointCloud]) -> Option<Vec<Vec<u16>>>); 3] =
+    let ways: [(RingSource, Way); 3] =
         [(RingSource::Field, by_field), (RingSource::Order, by_order), (RingSource::Elevation, by_elevation)];
     for (source, way) in ways {
         if let Some(rows) = way(clouds) {

@@ -173,13 +173,14 @@ impl Seed {
         let mut nearest: Vec<f64> = beam.away_m.iter().copied().filter(|away| *away < 60.0).collect();
         nearest.sort_by(|a, b| b.total_cmp(a));
         let limit_m = nearest.get(4 * SEED_POINTS).copied().unwrap_or(0.0).min(15.0);
-        let far: Vec<usize> =
+        let mut far: Vec<usize> =
             (0..beam.len()).filter(|i| beam.away_m[*i] >= limit_m && beam.away_m[*i] < 60.0).collect();
-        let stride = far.len().div_ceil(SEED_POINTS).max(1);
-        let chosen = || far.iter().step_by(stride);
+        // By no pattern: every second point of a ring that fires at every tick would lie on a grid of half as many.
+        far.sort_unstable_by_key(|i| scrambled(*i as u32));
+        far.truncate(SEED_POINTS);
         Self {
-            azimuth_rad: chosen().map(|i| beam.azimuth_rad[*i]).collect(),
-            away_m: chosen().map(|i| beam.away_m[*i]).collect(),
+            azimuth_rad: far.iter().map(|i| beam.azimuth_rad[*i]).collect(),
+            away_m: far.iter().map(|i| beam.away_m[*i]).collect(),
         }
     }
 
@@ -225,6 +226,13 @@ impl Seed {
         }
         if best.0 > 1.01 * whole { best.1 } else { columns as f64 }
     }
+}
+
+/// A number that seems random but is always the same (Wellons' `lowbias32`).
+fn scrambled(i: u32) -> u32 {
+    let i = (i ^ (i >> 16)).wrapping_mul(0x7feb_352d);
+    let i = (i ^ (i >> 15)).wrapping_mul(0x846c_a68b);
+    i ^ (i >> 16)
 }
 
 /// Raises `highest` to the length of the mean of the unit numbers, turning them after each entry.

@@ -15,12 +15,13 @@ pub(super) struct Line {
     pub(super) outliers: usize,
 }
 
-/// A beam leaves a sensor within about this height of its origin. Only where all points of a ring are at one distance, so that the
-/// points leave open how slope and height share, does it matter.
-const USUAL_HEIGHT_M: f64 = 0.1;
+/// Weight of the guess that a ring's height is the usual one, against a point's: a point's millimetre's rounding against 0.1 m.
+///
+/// Only where all points of a ring are at one distance, so that they leave open how slope and height share, does it matter.
+const WEIGHT_OF_USUAL_HEIGHT: f64 = 1e-5;
 
 /// Least squares, repeated without the points farther off than four times the median residual.
-pub(super) fn fit(beam: &Beam, lateral_m: f64) -> Line {
+pub(super) fn fit(beam: &Beam, lateral_m: f64, usual_height_m: f64) -> Line {
     let along = |i: usize| (beam.away_m[i].powi(2) - lateral_m.powi(2)).max(0.0).sqrt();
     // The median slope is right but for the height, whatever a minority of the points does.
     let mut slopes: Vec<f64> = (0..beam.len()).map(|i| beam.z_m[i] / along(i).max(1e-3)).collect();
@@ -28,8 +29,8 @@ pub(super) fn fit(beam: &Beam, lateral_m: f64) -> Line {
     let mut limit_m = f64::INFINITY;
     let mut residuals = Vec::with_capacity(beam.len());
     for _ in 0..12 {
-        let ridge = (1e-3 / USUAL_HEIGHT_M).powi(2);
-        let (mut n, mut sd, mut sz, mut sdd, mut sdz) = (ridge, 0.0, 0.0, 0.0, 0.0);
+        let mut n = WEIGHT_OF_USUAL_HEIGHT;
+        let (mut sd, mut sz, mut sdd, mut sdz) = (0.0, n * usual_height_m, 0.0, 0.0);
         for i in 0..beam.len() {
             let (d, z) = (along(i), beam.z_m[i]);
             if (z - line.tangent * d - line.height_m).abs() <= limit_m {
