@@ -7,7 +7,7 @@ use lidar::projection::{NO_PIXEL, ProjectionError};
 use lidar::{Measured, PointCloud, Projection, Projector, Ring, RingSource, Sensor};
 
 /// Whether a point, given by ring and step from straight ahead, is there.
-type Keep = dyn Fn(u32, u32) -> bool;
+type Keep<'a> = dyn Fn(u32, u32) -> bool + 'a;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -246,7 +246,7 @@ fn kittis_order_survives_gaps_and_jitter() -> Outcome {
     let gap_before_the_wrap = |ring: u32, step: u32| ring != 5 || step < quarter * 3;
     let gap_of_half_a_turn = |ring: u32, step: u32| ring != 5 || !(10..10 + 2 * quarter + 40).contains(&step);
     let a_ring_is_missing = |ring: u32, _: u32| ring != 5;
-    let cases: [(&str, &Keep); 4] = [
+    let cases: [(&str, &Keep<'_>); 4] = [
         ("all", &all),
         ("gap before the wrap", &gap_before_the_wrap),
         ("gap of half a turn", &gap_of_half_a_turn),
