@@ -94,7 +94,8 @@ fn to_markdown(card: &Card) -> String {
     }
     out += "\n## Learned from\n\n| data | licence | scans | SHA-256 |\n|---|---|---|---|\n";
     for d in &card.trained_on {
-        let _ = writeln!(out, "| {} | {} | {} | `{}…` |", d.name, d.licence, d.scans, &d.sha256[..16.min(d.sha256.len())]);
+        let _ =
+            writeln!(out, "| {} | {} | {} | `{}…` |", d.name, d.licence, d.scans, &d.sha256[..16.min(d.sha256.len())]);
     }
     out += "\n## Held-out scores\n\n| metric | unit | pass-through | model | scans |\n|---|---|---|---|---|\n";
     for s in &card.scores {

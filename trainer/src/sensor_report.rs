@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use lidar::formats::{self, Limits};
 use lidar::projection::loss::{losses, usual_candidates};
-use lidar::sensor::{Columns, Estimate, EstimateOptions};
+use lidar::sensor::estimate::{Columns, Estimate, EstimateOptions};
 use lidar::{Measured, PointCloud, Projection, Projector, Sensor};
 
 use crate::data::scans::scan_files;
@@ -39,7 +39,9 @@ pub fn report(scans: &[PathBuf], model: &Sensor) -> Result<SensorReport> {
     let estimate = Sensor::estimate(&clouds[..1], &options).with_context(|| format!("{}", scans[0].display()))?;
     let estimate_s = started.elapsed().as_secs_f64();
 
-    let mut table = String::from("| projection | grid | points lost | of | lost % | farthest from its place |\n|---|---|---|---|---|---|\n");
+    let mut table = String::from(
+        "| projection | grid | points lost | of | lost % | farthest from its place |\n|---|---|---|---|---|---|\n",
+    );
     for loss in losses(&clouds, &usual_candidates(model, &estimate.sensor)?)? {
         writeln!(
             table,

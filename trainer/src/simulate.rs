@@ -37,7 +37,9 @@ pub fn simulate(simulation: &Simulation, out: &Path) -> Result<Vec<PathBuf>> {
         None => StreetConfig::default(),
     };
     let mesh = match &simulation.mesh {
-        Some(path) => Some(Scene::new(scene::mesh_file::load(path).with_context(|| format!("mesh {}", path.display()))?)),
+        Some(path) => {
+            Some(Scene::new(scene::mesh_file::load(path).with_context(|| format!("mesh {}", path.display()))?))
+        }
         None => None,
     };
     let mut written = Vec::with_capacity(simulation.count);

@@ -1,0 +1,26 @@
+# Everything a person or a machine runs. `make demo` and `make test` work on a fresh clone with Rust, a C linker and Python 3.
+export CARGO_TARGET_DIR ?= $(CURDIR)/target
+BIN := $(CARGO_TARGET_DIR)/release
+PYTHON_ENV := $(CARGO_TARGET_DIR)/python
+export REALBEAM_PYTHON ?= $(PYTHON_ENV)/bin/python
+
+.PHONY: build demo test lint bench
+
+# All targets in one go: Cargo would otherwise build Burn a second time for the tests, whose dependencies switch on other features.
+build:
+	@scripts/fetch-onnxruntime.sh $(BIN)
+	cargo build --release --locked --workspace --all-targets
+
+demo: build
+	$(BIN)/realbeam-demo --out build/demo
+
+test: build
+	@scripts/python-env.sh $(PYTHON_ENV)
+	cargo test --release --locked --workspace
+
+lint:
+	cargo fmt --all --check
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+
+bench: build
+	cargo bench --locked --workspace
