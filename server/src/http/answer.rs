@@ -5,19 +5,10 @@ use std::time::Duration;
 use axum::body::Body;
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::Response;
-use proto::MediaType;
 
-use crate::model::Model;
+use super::scan::Wish;
 use crate::pipeline::ScanAnswer;
 use crate::stopwatch::Stage;
-
-/// Who made the answer, and as what it travels.
-pub(crate) struct Served<'a> {
-    pub(crate) model: &'a Model,
-    pub(crate) version: u64,
-    pub(crate) media: MediaType,
-    pub(crate) seed: u64,
-}
 
 /// The answer with its headers:
 ///
@@ -34,12 +25,12 @@ pub(crate) struct Served<'a> {
 /// | `x-realbeam-grid-coverage` | share of the model's rings that have a point |
 /// | `x-realbeam-warning` | what to change if the scan does not fit the model's sensor |
 /// | `Server-Timing` | milliseconds a stage |
-pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, served: &Served<'_>) -> Response {
+pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, wish: &Wish) -> Response {
     let mut times = answer.times;
     times.set(Stage::Queue, queued_for);
     let numbers = [
-        ("x-realbeam-seed", served.seed),
-        ("x-realbeam-model-version", served.version),
+        ("x-realbeam-seed", wish.query.seed),
+        ("x-realbeam-model-version", wish.offer.version),
         ("x-realbeam-points-in", answer.report.points_in as u64),
         ("x-realbeam-points-kept", answer.kept as u64),
         ("x-realbeam-points-dropped", answer.dropped() as u64),
@@ -48,15 +39,15 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, served: &Served
         ("x-realbeam-points-out-of-range", answer.out_of_range() as u64),
     ];
     let texts = [
-        ("x-realbeam-model", Some(served.model.name.clone())),
-        ("x-realbeam-model-digest", Some(format!("sha256:{}", served.model.digest))),
+        ("x-realbeam-model", Some(wish.offer.model.name.clone())),
+        ("x-realbeam-model-digest", Some(format!("sha256:{}", wish.offer.model.digest))),
         ("x-realbeam-grid-coverage", Some(format!("{:.4}", answer.coverage.rings))),
         ("x-realbeam-warning", answer.warning),
         ("server-timing", Some(times.to_string())),
     ];
     let mut response = Response::new(Body::from(answer.bytes));
     let headers = response.headers_mut();
-    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(served.media.name));
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wish.accepted.name));
     for (name, number) in numbers {
         headers.insert(HeaderName::from_static(name), number.into());
     }

@@ -1,6 +1,7 @@
 //! The HTTP face: routes, and what all of them share.
 
 mod answer;
+mod body;
 mod envelope;
 mod error;
 mod info;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use axum::Router;
-use axum::extract::DefaultBodyLimit;
+use axum::extract::Request;
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -42,7 +43,6 @@ impl App {
 
 /// The service's routes.
 pub(crate) fn router(app: Arc<App>) -> Router {
-    let max_body_bytes = app.max_body_bytes;
     Router::new()
         .route("/v1/scan", post(scan::scan))
         .route("/v2/health/live", get(models::live))
@@ -52,17 +52,18 @@ pub(crate) fn router(app: Arc<App>) -> Router {
         .fallback(no_such_route)
         .method_not_allowed_fallback(other_method)
         .with_state(app)
-        .layer(DefaultBodyLimit::max(max_body_bytes))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn(envelope::envelope))
 }
 
-async fn no_such_route() -> ApiError {
+async fn no_such_route(request: Request) -> ApiError {
+    body::discard(request.into_body()).await;
     let routes = "POST /v1/scan, GET /v2/health/live, GET /v2/health/ready, GET /v2/models/{model}, GET /info";
     ApiError::new(ErrorCode::RouteNotFound, format!("no such route; there are {routes}"))
 }
 
-async fn other_method() -> ApiError {
+async fn other_method(request: Request) -> ApiError {
+    body::discard(request.into_body()).await;
     ApiError::new(ErrorCode::MethodNotAllowed, "this route does not take this method; see the Allow header")
 }
 

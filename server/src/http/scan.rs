@@ -2,46 +2,63 @@
 
 use std::sync::Arc;
 
-use axum::body::Bytes;
-use axum::extract::rejection::{BytesRejection, QueryRejection};
-use axum::extract::{FromRequest, Query, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::extract::{Query, Request, State};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use lidar::formats::Limits;
 use lidar::label::CarlaTags;
 use proto::{ErrorCode, MediaType};
 
-use super::App;
-use super::answer::{self, Served};
 use super::error::ApiError;
 use super::query::ScanQuery;
+use super::{App, answer, body};
+use crate::catalogue::Offer;
 use crate::pipeline::ScanJob;
 
-/// The handler. What can be refused by the head of the request is refused before its body is read.
-pub(crate) async fn scan(
-    State(app): State<Arc<App>>,
-    query: Result<Query<Vec<(String, String)>>, QueryRejection>,
-    request: Request,
-) -> Result<Response, ApiError> {
-    let Query(pairs) = query.map_err(|error| ApiError::new(ErrorCode::BadQuery, error.body_text()))?;
-    let query = ScanQuery::parse(&pairs)?;
-    let (content, accepted) = media_types(request.headers())?;
-    let offer = app.catalogue.find(query.model.as_deref(), query.version)?;
-    check_length(request.headers(), app.max_body_bytes)?;
+/// What the head of a request asks for.
+pub(crate) struct Wish {
+    pub(crate) query: ScanQuery,
+    /// Type of the body.
+    pub(crate) content: MediaType,
+    /// Type of the answer.
+    pub(crate) accepted: MediaType,
+    /// Model to ask.
+    pub(crate) offer: Arc<Offer>,
+}
 
-    let pool = app.catalogue.pool(offer).await?;
-    let bytes = Bytes::from_request(request, &()).await.map_err(|error| body_error(&error, app.max_body_bytes))?;
+/// The handler. What can be refused by the head of the request is refused before its body is looked at.
+pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Result<Response, ApiError> {
+    let (head, body) = request.into_parts();
+    let wish = match Wish::read(&app, &head) {
+        Ok(wish) => wish,
+        Err(error) => {
+            body::discard(body).await;
+            return Err(error);
+        }
+    };
+    let bytes = body::read(&head.headers, body, app.max_body_bytes).await?;
     let job = ScanJob {
         bytes,
-        format: content.format,
-        answer_format: accepted.format,
-        frame: query.frame.unwrap_or(content.frame),
-        seed: query.seed,
-        limits: Limits { max_points: app.max_points, carla_tags: query.tags.unwrap_or(CarlaTags::Since0914) },
+        format: wish.content.format,
+        answer_format: wish.accepted.format,
+        frame: wish.query.frame.unwrap_or(wish.content.frame),
+        seed: wish.query.seed,
+        limits: Limits { max_points: app.max_points, carla_tags: wish.query.tags.unwrap_or(CarlaTags::Since0914) },
     };
-    let done = pool.run(job).await?;
-    let served = Served { model: &offer.model, version: offer.version, media: accepted, seed: query.seed };
-    Ok(answer::response(done.output?, done.queued_for, &served))
+    let done = app.catalogue.pool(&wish.offer).await?.run(job).await?;
+    Ok(answer::response(done.output?, done.queued_for, &wish))
+}
+
+impl Wish {
+    fn read(app: &App, head: &Parts) -> Result<Self, ApiError> {
+        let pairs = Query::<Vec<(String, String)>>::try_from_uri(&head.uri);
+        let Query(pairs) = pairs.map_err(|error| ApiError::new(ErrorCode::BadQuery, error.body_text()))?;
+        let query = ScanQuery::parse(&pairs)?;
+        let (content, accepted) = media_types(&head.headers)?;
+        let offer = app.catalogue.find(query.model.as_deref(), query.version)?;
+        Ok(Self { content, accepted, offer: Arc::clone(offer), query })
+    }
 }
 
 /// Type of the body, and of the answer.
@@ -68,21 +85,4 @@ fn media_types(headers: &HeaderMap) -> Result<(MediaType, MediaType), ApiError> 
         .negotiate(Some(&accept.join(",")))
         .map_err(|error| ApiError::new(ErrorCode::NotAcceptable, error.to_string()))?;
     Ok((content, accepted))
-}
-
-/// Refuses a body that announces too many bytes before the first one is read.
-fn check_length(headers: &HeaderMap, limit: usize) -> Result<(), ApiError> {
-    let announced = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
-    if announced.is_some_and(|bytes| bytes > limit as u64) { Err(too_large(limit)) } else { Ok(()) }
-}
-
-fn body_error(error: &BytesRejection, limit: usize) -> ApiError {
-    if error.status() == StatusCode::PAYLOAD_TOO_LARGE {
-        return too_large(limit);
-    }
-    ApiError::new(ErrorCode::BadBody, "the body did not arrive in full")
-}
-
-fn too_large(limit: usize) -> ApiError {
-    ApiError::new(ErrorCode::BodyTooLarge, format!("the body has more than {limit} bytes"))
 }

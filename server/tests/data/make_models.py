@@ -8,6 +8,8 @@ models/passthrough/2    16 rings, dynamic columns, one noise channel: range + 0.
                         keep = min(1, 0.9 + 0.1 * class), so that labelled rays always stay
 models/hdl64e/1         as passthrough/2, 64 rings and 2048 columns
 models/nan/1            as passthrough/2, with a range of NaN
+models/unruly/1         16 rings: a quarter of the ranges each is negative, infinite, as it was, and halved; reflectance runs from
+                        -1 to 2; keep = 2
 refused/*.onnx          one broken promise each, named after it
 """
 import json
@@ -43,7 +45,7 @@ def constant(name, value):
     return helper.make_tensor(name, TensorProto.FLOAT, [], [value])
 
 
-def model(card, identity=False, nan=False, rings=None, columns="column", with_card=True, external=False):
+def model(card, identity=False, nan=False, unruly=False, rings=None, columns="column", with_card=True, external=False):
     rings = rings or len(card["sensor"]["elevation_deg"])
     info = lambda name, channels: helper.make_tensor_value_info(
         name, TensorProto.FLOAT, ["batch", channels, rings, columns])
@@ -57,6 +59,17 @@ def model(card, identity=False, nan=False, rings=None, columns="column", with_ca
             node("Greater", ["range_in", "zero"], ["seen"]),
             node("Cast", ["seen"], ["keep"], to=TensorProto.FLOAT),
         ]
+    elif unruly:
+        nodes += [
+            node("Mul", ["noise", "four"], ["quarters"]),
+            node("Floor", ["quarters"], ["quarter"]),
+            node("Sub", ["quarter", "one"], ["divisor"]),
+            node("Div", ["range_in", "divisor"], ["range"]),
+            node("Mul", ["reflectance_in", "three"], ["stretched"]),
+            node("Sub", ["stretched", "one"], ["reflectance"]),
+            node("Sub", ["range_in", "range_in"], ["nothing"]),
+            node("Add", ["nothing", "two"], ["keep"]),
+        ]
     else:
         nodes += [
             node("Mul", ["noise", "not_a_number" if nan else "centimetre"], ["jitter"]),
@@ -68,6 +81,7 @@ def model(card, identity=False, nan=False, rings=None, columns="column", with_ca
         ]
     initializers = [constant(*pair) for pair in
                     [("zero", 0.0), ("centimetre", 0.01), ("share", 0.8), ("tenth", 0.1), ("base", 0.9), ("one", 1.0),
+                     ("two", 2.0), ("three", 3.0), ("four", 4.0),
                      ("not_a_number", float("nan"))]]
     if external:
         tensor = TensorProto(name="elsewhere", data_type=TensorProto.FLOAT, dims=[4])
@@ -98,6 +112,7 @@ write(model(exact, identity=True, columns=360), "models/passthrough/1/model.onnx
 write(model(noisy), "models/passthrough/2/model.onnx")
 write(model(card("hdl64e", rings64, 2048, 1)), "models/hdl64e/1/model.onnx")
 write(model(card("nan", rings16, 360, 1), nan=True), "models/nan/1/model.onnx")
+write(model(card("unruly", rings16, 360, 1), unruly=True), "models/unruly/1/model.onnx")
 write(model(noisy, with_card=False), "refused/no-card.onnx")
 write(model(noisy, rings=15), "refused/fifteen-rings.onnx")
 write(model(exact, identity=True, columns=512), "refused/columns-of-another-sensor.onnx")

@@ -65,6 +65,19 @@ fn the_seed_is_zero_unless_given_and_noise_moves_points_along_their_rays() -> Re
 }
 
 #[test]
+fn what_a_model_gets_wrong_does_not_reach_the_answer() -> Result {
+    let answer = Service::start()?.scan("?model=unruly", &[], &bin()?)?.success()?;
+    let (sent, got) = (scan(), formats::decode(Format::Kitti, &answer, &formats::Limits::default())?);
+    // Negative and infinite ranges are no returns: half the rays. Standard deviation √(0.5·0.5/5760) = 0.0066; five of them.
+    let share = got.len() as f64 / sent.len() as f64;
+    assert!((share - 0.5).abs() < 0.033, "{share}");
+    assert!((0..got.len()).all(|i| (2.4..46.0).contains(&got.range_m(i))), "ranges of 5 to 45 m, or half of that");
+    assert!(got.intensity.iter().all(|i| (0.0..=1.0).contains(i)));
+    assert!(got.intensity.contains(&0.0) && got.intensity.contains(&1.0), "held, not scaled");
+    Ok(())
+}
+
+#[test]
 fn the_counts_of_points_add_up() -> Result {
     let mut cloud = scan();
     let n = cloud.len();

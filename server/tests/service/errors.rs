@@ -54,7 +54,7 @@ fn what_is_not_there_is_404_and_another_method_405() -> Result {
     let not_there = |query: &str, words: &str| -> Result {
         assert_error(&service.scan(query, &[], &bin()?)?, 404, ErrorCode::ModelNotFound, words)
     };
-    not_there("?model=hdl65e", "no model `hdl65e`; there are: hdl64e, nan, passthrough")?;
+    not_there("?model=hdl65e", "no model `hdl65e`; there are: hdl64e, nan, passthrough, unruly")?;
     not_there("?version=3", "`passthrough` has no version 3; there are: 1, 2")?;
     for name in ["..", "../models/passthrough", "/etc", "%2e%2e%2fpassthrough", ""] {
         not_there(&format!("?model={name}"), "no model `")?;
@@ -102,6 +102,17 @@ fn too_many_bytes_or_points_are_413() -> Result {
     let (head, error) = raw(&service, &chunked)?;
     assert!(head.starts_with("HTTP/1.1 413"), "{head}");
     assert_eq!(error.code, ErrorCode::BodyTooLarge);
+    Ok(())
+}
+
+#[test]
+fn a_refusal_reaches_a_client_that_sends_its_whole_scan_first() -> Result {
+    let service = Service::start()?;
+    // More than fits into the sockets' buffers, so that the client is still sending when it is refused.
+    let body = vec![0; 16 << 20];
+    assert_error(&service.scan("?sed=1", &[], &body)?, 400, ErrorCode::BadQuery, "`sed`")?;
+    assert_error(&service.scan("?model=x", &[], &body)?, 404, ErrorCode::ModelNotFound, "`x`")?;
+    assert_error(&service.scan("", &[], &body)?, 413, ErrorCode::BodyTooLarge, "more than 8388608 bytes")?;
     Ok(())
 }
 
