@@ -63,7 +63,7 @@ pub enum Columns {
         concentration: f64,
     },
     /// Evenly, but not a whole number of them a turn, so that they lie elsewhere every turn; the sensor's columns are the next whole
-    /// number, wide enough that no two firings share one.
+    /// number, so that only firings closer together than usual share one.
     FreeRunning {
         /// Firings a turn.
         per_turn: f64,
@@ -131,10 +131,7 @@ impl Sensor {
         let usual_height_m = line::median(&mut lines.iter().map(|line| line.height_m).collect::<Vec<_>>());
 
         let pitch = columns::find(&beams);
-        let phases: Vec<Option<columns::Phase>> = match pitch {
-            Pitch::Encoder { columns } => beams.iter().map(|beam| columns::refine(beam, columns)).collect(),
-            _ => vec![None; beams.len()],
-        };
+        let phases = if let Pitch::Encoder { phases, .. } = &pitch { phases.clone() } else { vec![None; beams.len()] };
         let mut rings = Vec::with_capacity(beams.len());
         let mut fits = Vec::with_capacity(beams.len());
         for (beam, phase) in beams.iter().zip(&phases) {
@@ -155,7 +152,7 @@ impl Sensor {
             });
         }
         let (count, columns) = match pitch {
-            Pitch::Encoder { columns } => {
+            Pitch::Encoder { columns, .. } => {
                 firing::offsets(&beams, &rings, columns, &mut fits);
                 (columns, Columns::Encoder { concentration: columns::concentration(&beams, &rings, columns) })
             }

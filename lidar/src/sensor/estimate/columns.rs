@@ -10,10 +10,10 @@ use super::line::median;
 use crate::sensor::{MAX_COLUMNS, Ring};
 
 /// How the firings of a turn lie.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Pitch {
-    /// At these ticks.
-    Encoder { columns: usize },
+    /// At these ticks, each ring in its own phase; `None` for a ring that alone would not tell them.
+    Encoder { columns: usize, phases: Vec<Option<Phase>> },
     /// Evenly, but so many a turn.
     FreeRunning { per_turn: f64 },
     /// Who knows; about so many.
@@ -70,11 +70,12 @@ pub(super) fn find(beams: &[Beam]) -> Pitch {
         return Pitch::FreeRunning { per_turn };
     }
     // An encoder's ticks hold for every ring.
-    let agree = beams.iter().filter(|beam| concentrates(beam, columns)).count();
+    let phases: Vec<Option<Phase>> = beams.iter().map(|beam| refine(beam, columns)).collect();
+    let agree = beams.iter().zip(&phases).filter(|(beam, phase)| concentrates(beam, **phase, columns)).count();
     if agree * 10 < beams.len() * 9 {
         return Pitch::FreeRunning { per_turn };
     }
-    Pitch::Encoder { columns }
+    Pitch::Encoder { columns, phases }
 }
 
 /// Mean length of the mean of exp(i·phase) over each ring's points.
@@ -91,9 +92,9 @@ pub(super) fn concentration(beams: &[Beam], rings: &[Ring], columns: usize) -> f
 }
 
 /// True if a ring's azimuths concentrate on this grid as an encoder's do: a grid of half a firing too few or too many still has 0.64.
-fn concentrates(beam: &Beam, columns: usize) -> bool {
+fn concentrates(beam: &Beam, phase: Option<Phase>, columns: usize) -> bool {
     const ENCODER: f64 = 0.8;
-    refine(beam, columns).is_some_and(|phase| {
+    phase.is_some_and(|phase| {
         let ring = Ring { azimuth_offset_rad: phase.offset_rad, lateral_m: phase.lateral_m, ..Ring::default() };
         concentration(std::slice::from_ref(beam), &[ring], columns) >= ENCODER
     })
@@ -101,7 +102,7 @@ fn concentrates(beam: &Beam, columns: usize) -> bool {
 
 /// A ring's lateral distance and offset on a grid: the lateral distance at which its phases concentrate most, then least squares of the
 /// arcs, since the noise of a point is the same number of millimetres at every range. `None` if they concentrate nowhere.
-pub(super) fn refine(beam: &Beam, columns: usize) -> Option<Phase> {
+fn refine(beam: &Beam, columns: usize) -> Option<Phase> {
     let per_rad = columns as f64;
     let stride = beam.len().div_ceil(600);
     let sum = |lateral_m: f64| {
@@ -112,10 +113,10 @@ pub(super) fn refine(beam: &Beam, columns: usize) -> Option<Phase> {
         }
         (f64::hypot(re, im) / n, im.atan2(re) / per_rad)
     };
-    let steps = 2 * (MAX_LATERAL_M * 1000.0) as i32;
+    let steps = (MAX_LATERAL_M * 1000.0) as i32;
     let (mut lateral_m, mut highest) = (0.0, 0.0);
     for step in -steps..=steps {
-        let candidate_m = f64::from(step) * 0.0005;
+        let candidate_m = f64::from(step) * 0.001;
         let concentration = sum(candidate_m).0;
         if concentration > highest {
             (highest, lateral_m) = (concentration, candidate_m);
