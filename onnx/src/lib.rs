@@ -34,6 +34,23 @@
 //! # }
 //! ```
 //!
+//! # Operations
+//!
+//! | Burn | ONNX |
+//! |---|---|
+//! | convolutions and transposed convolutions in 1 to 3 dimensions | `Conv`, `ConvTranspose` |
+//! | `InstanceNorm`, `GroupNorm`; `BatchNorm`; `LayerNorm` | `InstanceNormalization`; `BatchNormalization`; `LayerNormalization` |
+//! | `Linear`, `matmul`; `Embedding`, `select`; `gather` | `MatMul` and `Add`; `Gather`; `GatherElements` |
+//! | maximum and average pooling; adaptive pooling to one or equal windows | `MaxPool`, `AveragePool`, `GlobalAveragePool` |
+//! | nearest, bilinear and bicubic `interpolate` | `Resize` |
+//! | `slice` with steps, `flip`; `cat`; `reshape`; `permute`; `expand`; `repeat`; `pad` | `Slice`; `Concat`; `Reshape`; `Transpose`; `Expand`; `Tile`; `Pad` |
+//! | arithmetic, powers, `exp`, `log`, circular and hyperbolic functions, rounding, `erf`, `cumsum` | their namesakes; `atan2`, `hypot`, `log1p`, `trunc` in several nodes |
+//! | comparisons and logic, `mask_where`, `mask_fill`, `clamp` | their namesakes, `Where`, `Clip` |
+//! | mean, sum, product, maximum and minimum, whole or along axes; `argmax`, `argmin`, `any`, `all` | `Reduce…`, `ArgMax`, `ArgMin` |
+//! | rectifiers, leaky, parametric and Gaussian (`gelu`) ones too, sigmoids, softmaxes | their namesakes |
+//!
+//! Anything else, sorting and scattering for example, is an [`Error::Operation`] that names the operation.
+//!
 //! # What a forward pass may not do
 //!
 //! - Read a value back: `into_scalar()`, `to_data()` and branches on values panic, for under capture there are none.
@@ -53,6 +70,7 @@ mod data;
 mod error;
 mod exporter;
 mod graph;
+mod linear;
 mod lower;
 mod norm;
 mod proto;

@@ -40,6 +40,8 @@ pub(crate) struct Lowering<'a> {
     symbols: &'a [Symbol],
     norms: Norms,
     names: HashMap<TensorId, String>,
+    /// How many operations read a tensor.
+    readers: HashMap<TensorId, usize>,
     /// Sizes at run time that the graph computes already.
     sizes: BTreeMap<Dim, String>,
     /// Position of the operation being lowered.
@@ -49,12 +51,17 @@ pub(crate) struct Lowering<'a> {
 impl<'a> Lowering<'a> {
     /// Starts a graph with the given names for inputs and outputs.
     pub(crate) fn new(traces: &'a Traces, symbols: &'a [Symbol], inputs: &[String], outputs: &[String]) -> Self {
+        let mut readers = HashMap::new();
+        for tensor in traces.base().operations.iter().flat_map(OperationIr::inputs) {
+            *readers.entry(tensor.id).or_insert(0) += 1;
+        }
         let mut lowering = Self {
             graph: Graph::default(),
             traces,
             symbols,
             norms: Norms::find(&traces.base().operations),
             names: HashMap::new(),
+            readers,
             sizes: BTreeMap::new(),
             index: 0,
         };

@@ -10,6 +10,7 @@ use burn::tensor::{Bool, Device, Int, Tensor};
 
 use crate::boundary::Boundary;
 use crate::error::Error;
+use crate::linear;
 
 /// A recorded forward pass.
 pub(crate) struct Trace {
@@ -64,6 +65,7 @@ impl Trace {
         constants.retain(|id, _| inputs.iter().all(|tensor| tensor.id != *id));
         let mut operations = captured.graph.operations;
         operations.retain(|operation| !matches!(operation, OperationIr::Init(_)));
+        let operations = linear::recognise(&operations, &outputs);
         Ok(Self { operations, inputs, outputs, constants, parameters })
     }
 }

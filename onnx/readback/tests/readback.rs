@@ -60,7 +60,8 @@ fn export(net: &Net) -> Vec<u8> {
 /// The generated source without the lines that name where it was generated.
 fn source(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
-    text.lines().filter(|line| !line.contains("Generated from ONNX")).map(|line| format!("{line}\n")).collect()
+    let lines: Vec<&str> = text.lines().filter(|line| !line.contains("Generated from ONNX")).collect();
+    lines.join("\n") + "\n"
 }
 
 #[test]

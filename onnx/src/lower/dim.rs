@@ -1,7 +1,7 @@
 //! Sizes at run time: a number that followed the dynamic axes in the traces, written as a computation in the graph.
 
 use burn::backend::capture::TensorId;
-use burn::backend::ir::OperationIr;
+use burn::backend::ir::{OperationIr, TensorIr};
 
 use super::Lowering;
 use crate::error::Refusal;
@@ -42,13 +42,21 @@ impl Lowering<'_> {
         })
     }
 
-    /// The nearest tensor before this operation with an axis of that size.
+    /// The nearest tensor before this operation with an axis of that size; one that several operations read, if there is
+    /// any, because asking a convolution's output for its shape keeps runtimes from fusing what follows into it.
     fn live(&self, samples: &[i64]) -> Option<Dim> {
         let before = &self.traces.base().operations[..self.index];
-        before.iter().rev().flat_map(OperationIr::outputs).find_map(|tensor| {
-            let axis = self.traces.dims(tensor.id).iter().position(|sizes| sizes == samples)?;
-            (!self.norms.within.contains(&tensor.id)).then_some(Dim::Of(tensor.id, axis))
-        })
+        let axis = |tensor: &TensorIr| self.traces.dims(tensor.id).iter().position(|sizes| sizes == samples);
+        let mut candidates = before
+            .iter()
+            .rev()
+            .flat_map(OperationIr::outputs)
+            .filter(|tensor| !self.norms.within.contains(&tensor.id))
+            .filter_map(|tensor| Some((tensor.id, axis(tensor)?)));
+        let nearest = candidates.next()?;
+        let shared = |(tensor, _): &(TensorId, usize)| self.readers.get(tensor).is_some_and(|readers| *readers > 1);
+        let (tensor, axis) = std::iter::once(nearest).chain(candidates).find(shared).unwrap_or(nearest);
+        Some(Dim::Of(tensor, axis))
     }
 
     /// An affine expression of one symbol, or of a product of two or three, that fits every trace.

@@ -89,8 +89,6 @@ fn unary(operation: &Float) -> Option<(&'static str, &UnaryOpIr)> {
         Float::Round(unary) => ("Round", unary),
         Float::Floor(unary) => ("Floor", unary),
         Float::Ceil(unary) => ("Ceil", unary),
-        Float::IsNan(unary) => ("IsNaN", unary),
-        Float::IsInf(unary) => ("IsInf", unary),
         _ => return None,
     })
 }

@@ -1,7 +1,7 @@
 //! Functions of single elements.
 
-use burn::tensor::Tensor;
 use burn::tensor::activation;
+use burn::tensor::{DType, Tensor};
 
 use crate::comparison::{At, function_agrees, image, images};
 use crate::sample::{floats_between, integers, truths};
@@ -48,6 +48,7 @@ functions! {
     hypotenuse: images, |(a, b): (Tensor<4>, Tensor<4>)| a.hypot(b);
     whole_powers_of_negative_numbers: image, |x: Tensor<4>| (x.clone().powi_scalar(2), x.clone().powi_scalar(3), x.square());
     broken_powers: |at| (positive(at), image(at)), |(a, b): (Tensor<4>, Tensor<4>)| (a.clone().powf_scalar(-1.7), a.powf(b));
+    powers_by_tensors: |at| (image(at), numbers(at).abs()), |(a, b): (Tensor<4>, Tensor<4, burn::tensor::Int>)| (a.powi(b.clone().float()), b.clone().powi_scalar(3), b.clone().powi(b));
     clamps: image, |x: Tensor<4>| (x.clone().clamp(-0.5, 0.7), x.clone().clamp_min(0.2), x.clamp_max(-0.1));
     larger_and_smaller_of_two: images, |(a, b): (Tensor<4>, Tensor<4>)| (a.clone().max_pair(b.clone()), a.min_pair(b));
 
@@ -63,6 +64,8 @@ functions! {
     truth_tables: |at: At| (truths([at.batch, at.column], 1), truths([at.batch, at.column], 2)), |(a, b): (Tensor<2, _>, Tensor<2, _>)| (
         a.clone().bool_and(b.clone()), a.clone().bool_or(b.clone()), a.clone().bool_xor(b.clone()), a.bool_not().equal(b),
     );
+    truths_are_equal_or_not: |at: At| (truths([at.batch, at.column], 1), truths([at.batch, at.column], 2)), |(a, b): (Tensor<2, _>, Tensor<2, _>)| (a.clone().equal(b.clone()), a.not_equal(b));
+    element_types_change: image, |x: Tensor<4>| (x.clone().cast(DType::F64).exp().cast(DType::F32), x.int().cast(DType::I32).float());
     truth_becomes_numbers: |at: At| truths([at.batch, at.column], 1), |x: Tensor<2, _>| (x.clone().float(), x.int());
     floats_become_integers_towards_zero: image, |x: Tensor<4>| ((x.clone() * 3.0).int(), (x * 3.0).int().float());
     arithmetic_of_integers: |at| (numbers(at), numbers(at).flip([3])), |(a, b): (Tensor<4, burn::tensor::Int>, Tensor<4, burn::tensor::Int>)| (

@@ -73,11 +73,13 @@ functions! {
         let (value, index) = x.clone().max_dim_with_indices(3);
         (value, index, x.clone().argmax(1), x.argmin(3))
     };
+    where_the_smallest_is: image, |x: Tensor<4>| x.min_dim_with_indices(3);
     variance_is_composed: image, |x: Tensor<4>| (x.clone().var(1), x.var_bias(2));
     any_and_all: |at: At| truths([at.batch, 3, at.column], 3), |x: Tensor<3, Bool>| (x.clone().any_dim(1), x.clone().all_dim(1), x.clone().any(), x.all());
     shapes_of_truths_and_integers: |at: At| (truths([at.batch, 3, at.column], 3), integers([at.batch, 3, at.column], 3, 9)), |(t, i): (Tensor<3, Bool>, Tensor<3, Int>)| (
         Tensor::cat(vec![t.clone(), t.clone().flip([2])], 1), t.slice(s![.., 1..2, 1..]).swap_dims(0, 2), i.clone().slice(s![.., .., 1..]).permute([2, 0, 1]), Tensor::cat(vec![i.clone(), i.flip([2])], 2),
     );
     padding: image, |x: Tensor<4>| (x.clone().pad((1, 2, 0, 3), PadMode::Constant(0.5)), x.clone().pad((2, 1, 1, 2), PadMode::Reflect), x.pad((2, 1, 1, 2), PadMode::Edge));
+    products_of_integer_matrices: |at: At| (integers([at.batch, 5, at.column], 1, 9), integers([at.batch, at.column, 2], 2, 9)), |(a, b): (Tensor<3, Int>, Tensor<3, Int>)| a.matmul(b);
     products_of_matrices: |at: At| (floats([at.batch, 3, 5, at.column], 1), floats([at.batch, 3, at.column, 2], 2)), |(a, b): (Tensor<4>, Tensor<4>)| a.matmul(b) / 10.0;
 }
