@@ -135,9 +135,14 @@ fn seconds(times: &Values) -> Option<Vec<f64>> {
     let finite = || values.iter().copied().filter(|time| time.is_finite());
     let (first, last) = finite().fold((f64::MAX, f64::MIN), |(first, last), time| (first.min(time), last.max(time)));
     if matches!(times, Values::F32(_) | Values::F64(_)) {
-        return finite().all(|time| time.abs() < 1e10).then_some(values);
+        return are_seconds(&values).then_some(values);
     }
     (1e7..=1e10).contains(&(last - first)).then(|| values.iter().map(|time| time / 1e9).collect())
+}
+
+/// True where floats are small enough to be seconds, if only since 1970.
+pub(super) fn are_seconds(times: &[f64]) -> bool {
+    times.iter().filter(|time| time.is_finite()).all(|time| time.abs() < 1e10)
 }
 
 /// True where the times in the file can be told from the seconds: not so for 64-bit nanoseconds since 1970.

@@ -215,3 +215,63 @@ fn small(size: usize, field: &str) -> Result<u32, FormatError> {
         limit: u32::MAX as usize - 1,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use flate2::Compression;
+    use flate2::write::DeflateEncoder;
+
+    use super::*;
+
+    /// An archive of one deflated member of zeros that claims to unpack to `unpacked` bytes.
+    fn deflated(zeros: usize, unpacked: u32) -> std::io::Result<Vec<u8>> {
+        let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(&vec![0; zeros])?;
+        let packed = encoder.finish()?;
+        let mut archive = Writer::default();
+        archive.add("a.npy", &packed).map_err(std::io::Error::other)?;
+        let mut bytes = archive.finish().map_err(std::io::Error::other)?;
+        // In the directory, the method is at 10, the checksum at 16, the unpacked size at 24.
+        let directory = 30 + 5 + packed.len();
+        bytes[directory + 10] = DEFLATED as u8;
+        bytes[directory + 16..][..4].copy_from_slice(&crc(&vec![0; zeros]).to_le_bytes());
+        bytes[directory + 24..][..4].copy_from_slice(&unpacked.to_le_bytes());
+        Ok(bytes)
+    }
+
+    #[test]
+    fn a_deflated_member_unpacks_within_the_budget_only() -> std::io::Result<()> {
+        let bytes = deflated(100_000, 100_000)?;
+        let archive = Archive::read(&bytes).map_err(std::io::Error::other)?;
+        let entry = &archive.entries[0];
+        assert_eq!(archive.unpack(entry, 100_000).map_err(std::io::Error::other)?, vec![0; 100_000]);
+        assert!(matches!(archive.unpack(entry, 99_999), Err(FormatError::TooMany { .. })));
+        Ok(())
+    }
+
+    #[test]
+    fn a_member_that_lies_about_its_size_is_refused() -> std::io::Result<()> {
+        for unpacked in [0, 99_999, 100_001, u32::MAX] {
+            let bytes = deflated(100_000, unpacked)?;
+            let archive = Archive::read(&bytes).map_err(std::io::Error::other)?;
+            assert!(archive.unpack(&archive.entries[0], 1 << 30).is_err(), "{unpacked}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_stored_member_survives_and_a_damaged_one_is_named() -> Result<(), FormatError> {
+        let mut archive = Writer::default();
+        archive.add("x.npy", b"numbers")?;
+        let mut bytes = archive.finish()?;
+        let read = Archive::read(&bytes)?;
+        assert_eq!(read.unpack(&read.entries[0], 7)?, b"numbers");
+        bytes[36] ^= 1;
+        let read = Archive::read(&bytes)?;
+        let error = read.unpack(&read.entries[0], 7).map_err(|error| error.to_string());
+        assert!(error.is_err_and(|error| error.starts_with("x.npy at byte 35: expected a CRC-32")));
+        Ok(())
+    }
+}

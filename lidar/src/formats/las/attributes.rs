@@ -3,6 +3,7 @@
 use las::point::Format;
 
 use crate::cloud::{Column, Values};
+use crate::formats::meaning::are_seconds;
 use crate::formats::number::Numbers;
 
 pub(super) const CLASSIFICATION: &str = "las_classification";
@@ -39,8 +40,9 @@ pub(super) struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    /// Finds places. Only columns of the field's own type that would be read back go there.
-    pub(super) fn new(extra: &'a [Column]) -> Self {
+    /// Finds places. Only columns of the field's own type that would be read back as they are go there: `reads_gps_time` says
+    /// whether our reader reads the GPS time of the file to be, `has_time` whether the cloud has a time of its own.
+    pub(super) fn new(extra: &'a [Column], reads_gps_time: bool, has_time: bool) -> Self {
         let mut placed = Self::default();
         for (i, column) in extra.iter().enumerate() {
             if extra[..i].iter().any(|other| other.name == column.name) {
@@ -55,7 +57,10 @@ impl<'a> Placed<'a> {
                     Some(steps) if any(&steps) => (Numbers::I16(steps.into()), 18),
                     _ => continue,
                 },
-                (GPS_TIME, Values::F64(values)) if values.iter().any(|&time| time != 0.0) => {
+                // Alone, plausible seconds would be read back as the cloud's time.
+                (GPS_TIME, Values::F64(values))
+                    if reads_gps_time && any(values) && (has_time || !are_seconds(values)) =>
+                {
                     placed.has_gps_time = true;
                     (Numbers::F64(values.into()), 22)
                 }

@@ -5,7 +5,7 @@ use las::PointDataBuilder;
 use super::attributes::{self, any};
 use super::{FormatError, Header, extra_bytes, library};
 use crate::cloud::{Column, Values};
-use crate::formats::meaning::coordinates_m;
+use crate::formats::meaning::{are_seconds, coordinates_m};
 
 /// Columns that grow with each batch of records.
 #[derive(Debug)]
@@ -65,7 +65,10 @@ impl<'a> Columns<'a> {
         self.scan_angle_deg.extend(points.scan_angle_degrees());
         self.user_data.extend(points.user_data());
         self.point_source.extend(points.point_source_id());
-        self.gps_time.extend(points.gps_time().into_iter().flatten());
+        // The decompressor of layers leaves the time out, and the first point's in all others' place.
+        if !(format.is_compressed && format.is_extended) {
+            self.gps_time.extend(points.gps_time().into_iter().flatten());
+        }
         for (red, green, blue) in points.rgb().into_iter().flatten() {
             self.colours[0].push(red);
             self.colours[1].push(green);
@@ -89,7 +92,8 @@ impl<'a> Columns<'a> {
         };
         let has_gps_time = any(&self.gps_time) && !self.extra.iter().any(is_copy);
         let has_colour = self.colours.iter().any(|colour| any(colour));
-        let gps_time = if has_extra("time") { attributes::GPS_TIME } else { "time" };
+        let is_time = !has_extra("time") && are_seconds(&self.gps_time);
+        let gps_time = if is_time { "time" } else { attributes::GPS_TIME };
         let [x, y, z] = self.xyz;
         let [red, green, blue] = self.colours;
         let mut columns: Vec<Column> = Vec::new();

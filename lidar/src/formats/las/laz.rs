@@ -1,14 +1,21 @@
-//! Decompression of LAZ points, after every size that the `laz` crate would allocate by has been checked.
+//! LAZ: the chunks of a compressed file, and their decompression by the `laz` crate once every size has been checked.
 //!
 //! The layout is `LASzip`'s (Isenburg, "LASzip: lossless compression of lidar data", 2013): the offset of the chunk table, the chunks,
 //! the table. Point formats 6–10 compress each field of a chunk as a layer of its own, whose size stands before it.
+//!
+//! The crate's own readers are passed by: they allocate by the table's count and the layers' sizes, and both of their decoders of the
+//! GPS time call themselves for as long as the stream asks, which overflows the stack and ends the process. For formats 1–5 ours,
+//! [`GpsTime`], stands in their place; for formats 6–10, where the time is one layer among others, that layer is left out.
 
 use std::io::Cursor;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use laz::laszip::{ChunkTable, LazItemRecordBuilder};
-use laz::{LasZipDecompressor, LazItemType, LazVlr};
+use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
+use laz::{DecompressionSelection, LazItem, LazItemType, LazVlr, las as fields};
 
+use super::gps_time::GpsTime;
 use super::{FormatError, Header, STEP};
 use crate::formats::input::Input;
 
@@ -20,85 +27,55 @@ const POINT_WISE: u16 = 1;
 const CHUNKED: u16 = 2;
 const LAYERED: u16 = 3;
 
+/// Some points and their bytes in the file.
+#[derive(Debug)]
+struct Chunk {
+    points: usize,
+    bytes: Range<usize>,
+}
+
 /// Decompresses all points, some records at a time.
 pub(super) fn unpack(
     bytes: &[u8],
     header: &Header,
     mut each: impl FnMut(Vec<u8>) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
-    let vlr = check(bytes, header)?;
-    if header.points == 0 {
-        return Ok(());
-    }
-    let mut source = Cursor::new(bytes);
-    source.set_position(header.body_offset as u64);
-    let mut decompressor = caught(|| LasZipDecompressor::new(source, vlr).map_err(|error| library(&error)))?;
-    let mut left = header.points;
-    while left > 0 {
-        let step = left.min(STEP);
-        let mut records = vec![0; step * header.record_bytes];
-        caught(|| decompressor.decompress_many(&mut records).map_err(|error| library(&error)))?;
-        each(records)?;
-        left -= step;
+    let Some((data, offset)) = &header.laszip else {
+        return Err(FormatError::Missing { field: "LASzip record", present: "compressed points".into() });
+    };
+    let compressor = Input::new(data).u16("LASzip compressor")?;
+    let vlr = LazVlr::from_buffer(data).map_err(|error| library(&error))?;
+    check_items(&vlr, compressor, header, *offset)?;
+    let chunks = if compressor == POINT_WISE {
+        vec![Chunk { points: header.points, bytes: header.body_offset..bytes.len() }]
+    } else {
+        chunks(bytes, header, &vlr)?
+    };
+    for chunk in chunks {
+        let source = &bytes[chunk.bytes.clone()];
+        if compressor == LAYERED {
+            check_layers(source, chunk.bytes.start, header, &vlr)?;
+        }
+        let mut decompressor = decompressor(source, vlr.items(), compressor == LAYERED)?;
+        let mut left = chunk.points;
+        while left > 0 {
+            let step = left.min(STEP);
+            let mut records = vec![0; step * header.record_bytes];
+            caught(|| decompressor.decompress_many(&mut records).map_err(|error| library(&error)))?;
+            each(records)?;
+            left -= step;
+        }
     }
     Ok(())
 }
 
-/// Turns a panic of the crate into an error: the last resort, for what the checks may have missed.
+/// Turns a panic of the crate into an error: its arithmetic decoder indexes tables by what a damaged stream says.
 fn caught<T>(run: impl FnOnce() -> Result<T, FormatError>) -> Result<T, FormatError> {
     catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|_| Err(library(&"the decompressor panicked")))
 }
 
 fn library(error: &dyn std::fmt::Display) -> FormatError {
     FormatError::Library { library: "laz", message: error.to_string() }
-}
-
-/// Checks the `LASzip` record, the chunk table and the sizes of all layers.
-fn check(bytes: &[u8], header: &Header) -> Result<LazVlr, FormatError> {
-    let Some((data, offset)) = &header.laszip else {
-        return Err(FormatError::Missing { field: "LASzip record", present: "compressed points".into() });
-    };
-    let offset = *offset;
-    let compressor = Input::new(data).u16("LASzip compressor")?;
-    let vlr = LazVlr::from_buffer(data).map_err(|error| library(&error))?;
-    check_items(&vlr, compressor, header, offset)?;
-    if compressor == POINT_WISE {
-        return Ok(vlr);
-    }
-    let points = header.points as u64;
-    let table_offset = table_offset(bytes, header.body_offset)?;
-    let mut input = Input::new(bytes);
-    input.seek(table_offset, "chunk table offset")?;
-    input.u32("chunk table version")?;
-    let chunks = input.u32("number of chunks")?;
-    let is_fixed = !vlr.uses_variable_size_chunks();
-    let most = if is_fixed { points.div_ceil(vlr.chunk_size().into()) + 1 } else { MAX_CHUNKS };
-    // Chunks that the table leaves out are read all the same.
-    let needed = if is_fixed { points.div_ceil(vlr.chunk_size().into()) } else { 0 };
-    if u64::from(chunks) > most.min(MAX_CHUNKS) || needed > MAX_CHUNKS {
-        return Err(FormatError::TooMany {
-            field: "number of chunks".into(),
-            offset: table_offset + 4,
-            found: needed.max(chunks.into()).to_string(),
-            limit: most.min(MAX_CHUNKS) as usize,
-        });
-    }
-    let mut cursor = Cursor::new(&bytes[table_offset..]);
-    let table = caught(|| ChunkTable::read(&mut cursor, !is_fixed).map_err(|error| library(&error)))?;
-    let sizes: Vec<u64> = if is_fixed {
-        vec![vlr.chunk_size().into(); needed as usize]
-    } else {
-        table.into_iter().map(|entry| entry.point_count).collect()
-    };
-    let covered = sizes.iter().fold(0_u64, |sum, &size| sum.saturating_add(size));
-    if covered < points || (!is_fixed && sizes.contains(&0)) {
-        let expected = format!("chunks of {points} points, none empty");
-        return Err(FormatError::field("chunk table", table_offset, expected, covered));
-    }
-    if compressor == LAYERED {
-        check_layers(bytes, header, &vlr, &sizes)?;
-    }
-    Ok(vlr)
 }
 
 /// The compressed fields must be exactly those of the point format: their sizes are what the crate allocates by.
@@ -119,9 +96,48 @@ fn check_items(vlr: &LazVlr, compressor: u16, header: &Header, offset: usize) ->
     if fits {
         return Ok(());
     }
-    let list = |items: &[laz::LazItem]| format!("{:?}", items.iter().map(laz::LazItem::item_type).collect::<Vec<_>>());
+    let list = |items: &[LazItem]| format!("{:?}", items.iter().map(LazItem::item_type).collect::<Vec<_>>());
     let what = format!("{} in versions {versions:?}", list(&expected));
     Err(FormatError::field("LASzip items", offset + 32, what, list(vlr.items())))
+}
+
+/// The chunks that the table lists, as many as hold all points, each inside the file.
+fn chunks(bytes: &[u8], header: &Header, vlr: &LazVlr) -> Result<Vec<Chunk>, FormatError> {
+    let table_offset = table_offset(bytes, header.body_offset)?;
+    let mut input = Input::new(bytes);
+    input.seek(table_offset, "chunk table offset")?;
+    input.u32("chunk table version")?;
+    let count = u64::from(input.u32("number of chunks")?);
+    let fixed = (!vlr.uses_variable_size_chunks()).then(|| u64::from(vlr.chunk_size()));
+    let most = fixed.map_or(MAX_CHUNKS, |size| (header.points as u64).div_ceil(size) + 1).min(MAX_CHUNKS);
+    if count > most {
+        let (field, offset, limit) = ("number of chunks".into(), table_offset + 4, most as usize);
+        return Err(FormatError::TooMany { field, offset, found: count.to_string(), limit });
+    }
+    let mut cursor = Cursor::new(&bytes[table_offset..]);
+    let table = caught(|| ChunkTable::read(&mut cursor, fixed.is_none()).map_err(|error| library(&error)))?;
+    let wrong = |expected: String, found: u64| FormatError::field("chunk table", table_offset, expected, found);
+    let mut chunks = Vec::new();
+    let mut start = header.body_offset + ChunkTable::OFFSET_SIZE;
+    let mut left = header.points;
+    for entry in &table {
+        if left == 0 {
+            break;
+        }
+        let points = left.min(usize::try_from(fixed.unwrap_or(entry.point_count)).unwrap_or(usize::MAX));
+        let length = usize::try_from(entry.byte_count).unwrap_or(usize::MAX);
+        let end = start.checked_add(length).filter(|&end| end <= bytes.len()).ok_or_else(|| {
+            wrong(format!("a chunk of at most the {} bytes left", bytes.len() - start), entry.byte_count)
+        })?;
+        chunks.push(Chunk { points, bytes: start..end });
+        left -= points;
+        start = end;
+    }
+    if left > 0 {
+        let expected = format!("chunks of all {} points", header.points);
+        return Err(wrong(expected, (header.points - left) as u64));
+    }
+    Ok(chunks)
 }
 
 /// Where the chunk table is: at the start of the points, or, of a file written to a pipe, at its very end.
@@ -136,31 +152,25 @@ fn table_offset(bytes: &[u8], body_offset: usize) -> Result<usize, FormatError> 
     if offset <= body_offset as i64 {
         offset = read(bytes.len().saturating_sub(8))?;
     }
-    let first = body_offset + 8;
+    let first = body_offset + ChunkTable::OFFSET_SIZE;
     match usize::try_from(offset) {
         Ok(offset) if offset >= first && offset.saturating_add(8) <= bytes.len() => Ok(offset),
         _ => Err(FormatError::field(FIELD, body_offset, format!("{first} to the end of the file"), offset)),
     }
 }
 
-/// Walks the chunks as the decompressor will, so that no layer is larger than the bytes there.
-fn check_layers(bytes: &[u8], header: &Header, vlr: &LazVlr, sizes: &[u64]) -> Result<(), FormatError> {
+/// A chunk of layers: its first point as it is, the number of points, the size of each layer, the layers.
+fn check_layers(chunk: &[u8], offset: usize, header: &Header, vlr: &LazVlr) -> Result<(), FormatError> {
     let layers: usize = vlr.items().iter().map(|item| layer_count(item.item_type())).sum();
-    let mut input = Input::new(bytes);
-    input.seek(header.body_offset + 8, "chunk")?;
-    let mut left = header.points as u64;
-    for &size in sizes {
-        if left == 0 {
-            break;
-        }
-        left = left.saturating_sub(size);
-        // The first point as it is, the number of points, the sizes, the layers.
-        input.take(header.record_bytes + 4, "chunk")?;
-        let mut length = 0_usize;
-        for _ in 0..layers {
-            length = length.saturating_add(input.u32("layer size")? as usize);
-        }
-        input.take(length, "layer size")?;
+    let mut input = Input::new(chunk);
+    input.take(header.record_bytes + 4, "chunk")?;
+    let mut length = 0_usize;
+    for _ in 0..layers {
+        length = length.saturating_add(input.u32("layer size")? as usize);
+    }
+    if length > input.rest().len() {
+        let expected = format!("layers of {} bytes in all", input.rest().len());
+        return Err(FormatError::field("layer size", offset + input.position(), expected, length));
     }
     Ok(())
 }
@@ -172,4 +182,54 @@ fn layer_count(item: LazItemType) -> usize {
         LazItemType::Byte14(count) => count.into(),
         _ => 1,
     }
+}
+
+/// A decompressor of one chunk.
+fn decompressor<'a>(
+    source: &'a [u8],
+    items: &Vec<LazItem>,
+    is_layered: bool,
+) -> Result<Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + 'a>, FormatError> {
+    let source = Cursor::new(source);
+    if is_layered {
+        let mut layered = LayeredPointRecordDecompressor::new(source);
+        layered.set_fields_from(items).map_err(|error| library(&error))?;
+        layered.set_selection(DecompressionSelection::all().skip_gps_time());
+        return Ok(Box::new(layered));
+    }
+    let mut sequential = SequentialPointRecordDecompressor::new(source);
+    for item in items {
+        let extra_bytes = usize::from(item.size());
+        match (item.item_type(), item.version()) {
+            (LazItemType::Point10, 1) => {
+                sequential.add_field_decompressor(fields::v1::LasPoint0Decompressor::default());
+            }
+            (LazItemType::Point10, _) => {
+                sequential.add_field_decompressor(fields::v2::LasPoint0Decompressor::default());
+            }
+            (LazItemType::GpsTime, 1) => {
+                sequential.add_field_decompressor(fields::v1::LasGpsTimeDecompressor::default());
+            }
+            (LazItemType::GpsTime, _) => sequential.add_field_decompressor(GpsTime::default()),
+            (LazItemType::RGB12, 1) => {
+                sequential.add_field_decompressor(fields::v1::LasRGBDecompressor::default());
+            }
+            (LazItemType::RGB12, _) => {
+                sequential.add_field_decompressor(fields::v2::LasRGBDecompressor::default());
+            }
+            (LazItemType::Byte(_), 1) => {
+                sequential.add_field_decompressor(fields::v1::LasExtraByteDecompressor::new(extra_bytes));
+            }
+            (LazItemType::Byte(_), _) => {
+                sequential.add_field_decompressor(fields::v2::LasExtraByteDecompressor::new(extra_bytes));
+            }
+            (LazItemType::WavePacket13, _) => {
+                sequential.add_field_decompressor(fields::v1::LasWavepacketDecompressor::default());
+            }
+            (other, version) => {
+                return Err(FormatError::unsupported(format!("LASzip item {other:?} of version {version}")));
+            }
+        }
+    }
+    Ok(Box::new(sequential))
 }

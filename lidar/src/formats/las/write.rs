@@ -18,7 +18,7 @@ const MAX_VLR_BYTES: usize = u16::MAX as usize;
 
 /// Writes a cloud as LAS, or as LAZ where `is_compressed`.
 pub(in crate::formats) fn encode(cloud: &PointCloud, is_compressed: bool) -> Result<Vec<u8>, FormatError> {
-    let placed = Placed::new(&cloud.extra);
+    let placed = Placed::new(&cloud.extra, !is_compressed, cloud.time_s.is_some());
     let (intensity, is_exact) = intensity(cloud);
     let returns = cloud.return_number.as_deref().filter(|n| n.iter().all(|&n| n < 16) && n.iter().any(|&n| n > 0));
     let extra = extra_columns(cloud, &placed, is_exact, returns.is_some());
