@@ -69,7 +69,7 @@ pub fn range_colour(range_m: f32) -> Rgb<u8> {
         return NOTHING;
     }
     let near = 1.0 - ((range_m / 2.0).ln() / 50f32.ln()).clamp(0.0, 1.0);
-    turbo(0.08 + 0.84 * near)
+    turbo(0.08 + 0.8 * near)
 }
 
 /// Colour of a reflectance: black to white by its square root, since most of the world is dark.
