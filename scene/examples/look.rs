@@ -1,5 +1,5 @@
 //! Casts an HDL-64E at a street (or a mesh file) and paints what comes back:
-//! `cargo run --release -p scene --example look -- FOLDER [SEED | MESH-FILE [X Y Z]]`
+//! `cargo run --release -p scene --example look -- FOLDER [SEED | MESH-FILE [X Y [YAW-DEGREES]]]`
 //! writes `images.png` (range, class, reflectance, incidence), `cloud.png` (the points, from behind and from above) and
 //! `view.png` (the scene as a camera in the sensor's place would see it).
 
@@ -11,15 +11,22 @@ use image::{Rgb, RgbImage};
 use lidar::Sensor;
 use lidar::label::class_of;
 use scene::street::{StreetConfig, street};
-use scene::{Cast, Motion, Pose, Scene, cast};
+use scene::{Cast, Motion, Pose, Scene, cast, mesh_file};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let folder = Path::new(arguments.first().ok_or("which FOLDER shall the pictures be written to?")?);
     let seed = arguments.get(1).map_or("1", String::as_str);
     let started = Instant::now();
-    let scene = street(seed.parse()?, &StreetConfig::default());
-    let pose = Pose::default();
+    let (scene, pose) = if let Ok(seed) = seed.parse() {
+        (street(seed, &StreetConfig::default()), Pose::default())
+    } else {
+        let scene = Scene::new(mesh_file::load(seed)?);
+        let number = |i: usize| arguments.get(i).map_or(Ok(0.0), |text| text.parse::<f32>());
+        let yaw_rad = number(4)?.to_radians();
+        let pose = Pose::above_ground(&scene, number(2)?, number(3)?, yaw_rad).ok_or("no ground at X, Y")?;
+        (scene, pose)
+    };
     println!("{} triangles in {:.0} ms", scene.mesh().len(), started.elapsed().as_secs_f64() * 1e3);
     let sensor = Sensor::builtin("hdl64e")?;
     let started = Instant::now();
@@ -133,7 +140,7 @@ fn tinted(class: u8, reflectance: f32) -> Rgb<u8> {
     Rgb(colour.map(|c| (f32::from(c) * bright).min(255.0) as u8))
 }
 
-/// SemanticKITTI's colours.
+/// `SemanticKITTI`'s colours.
 fn class_colour(class: u8) -> Rgb<u8> {
     const COLOURS: [[u8; 3]; 20] = [
         [120, 120, 120],

@@ -3,6 +3,7 @@
 pub mod cast;
 pub mod material;
 pub mod mesh;
+pub mod mesh_file;
 pub mod pose;
 pub mod scene;
 mod shape;

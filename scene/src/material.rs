@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// SemanticKITTI label: semantic id in the lower 16 bits (see [`lidar::label`]), instance in the upper 16 (0 = none).
+    /// `SemanticKITTI` label: semantic id in the lower 16 bits (see [`lidar::label`]), instance in the upper 16 (0 = none).
     pub label: u32,
     /// Share of the light that is reflected, 0–1: of a diffuse surface in all directions, of a retroreflector back to the sensor.
     pub reflectance: f32,

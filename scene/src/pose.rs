@@ -3,6 +3,8 @@
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::scene::Scene;
+
 /// Height of the sensor above the road where no pose is given: that of KITTI's car, in metres.
 pub const SENSOR_HEIGHT_M: f32 = 1.73;
 
@@ -47,6 +49,12 @@ pub(crate) struct WorldFromSensor {
 }
 
 impl Pose {
+    /// A level sensor at the usual height above the lowest surface at (x, y); `None` where there is none.
+    pub fn above_ground(scene: &Scene, x_m: f32, y_m: f32, yaw_rad: f32) -> Option<Self> {
+        let z_m = scene.ground_m(x_m, y_m)? + SENSOR_HEIGHT_M;
+        Some(Self { position_m: [x_m, y_m, z_m], yaw_rad, ..Self::default() })
+    }
+
     /// Where the sensor is `time_s` after the sweep's start.
     pub(crate) fn after(&self, motion: &Motion, time_s: f64) -> WorldFromSensor {
         let start = DMat3::from_rotation_z(f64::from(self.yaw_rad))

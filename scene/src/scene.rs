@@ -4,18 +4,18 @@ use glam::{DVec3, Vec3, Vec3A};
 use obvhs::Boundable;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 
 use crate::material::Material;
 use crate::mesh::Mesh;
 
 /// A mesh and the tree that finds which of its triangles a ray meets first.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Scene {
     mesh: Mesh,
-    tree: CwBvh,
+    tree: Bvh2,
     /// Corners of the triangles, in the order of the tree's leaves.
     leaves: Vec<Leaf>,
 }
@@ -54,9 +54,9 @@ impl Scene {
     pub fn new(mesh: Mesh) -> Self {
         let bounds: Vec<Bounds> = (0..mesh.len()).map(|i| Bounds(padded_bounds(mesh.corners_vec(i)))).collect();
         let tree = if mesh.is_empty() {
-            CwBvh::default()
+            Bvh2::default()
         } else {
-            build_cwbvh(&bounds, BvhBuildParams::fast_build(), &mut std::time::Duration::default())
+            build_bvh2(&bounds, BvhBuildParams::medium_build(), &mut std::time::Duration::default())
         };
         let leaves = tree
             .primitive_indices
@@ -69,6 +69,14 @@ impl Scene {
     /// The triangles.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
+    }
+
+    /// Height of the lowest surface at (x, y), in metres; `None` if there is none.
+    pub fn ground_m(&self, x_m: f32, y_m: f32) -> Option<f32> {
+        let [low, high] = self.mesh.bounds_m().map(|corner| f64::from(corner[2]));
+        let below = low - 1.0;
+        let hit = self.hit([f64::from(x_m), f64::from(y_m), below], [0.0, 0.0, 1.0], high - below + 1.0)?;
+        Some((below + hit.distance_m) as f32)
     }
 
     /// The first surface that a ray meets within `farthest_m`; both sides of a triangle are met. `direction` is a unit vector.
@@ -88,6 +96,12 @@ impl Scene {
             triangle,
             material: self.mesh.material(triangle as usize),
         })
+    }
+}
+
+impl std::fmt::Debug for Scene {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Scene").field("triangles", &self.mesh.len()).finish_non_exhaustive()
     }
 }
 
@@ -114,7 +128,7 @@ impl Leaf {
 
     /// Distance along the ray to the triangle's plane in double precision, and the normal that faces the ray.
     fn exact(&self, origin: DVec3, direction: DVec3) -> Option<(f64, DVec3)> {
-        let [a, b, c] = self.corners.map(|corner| corner.as_dvec3());
+        let [a, b, c] = self.corners.map(Vec3A::as_dvec3);
         let normal = (b - a).cross(c - a).try_normalize()?;
         let along = normal.dot(direction);
         let distance = normal.dot(a - origin) / along;

@@ -121,10 +121,8 @@ fn cabin(mesh: &mut Mesh, o: &Outline, paint: MaterialId, rear_glass: MaterialId
     ];
     loft(mesh, &sections, |i, face| match (i, face) {
         (_, Face::Bottom) => None,
-        (0, Face::Top) => Some(rear_glass),
-        (6, Face::Top) => Some(glass),
-        (2, Face::Side) => Some(rear_glass),
-        (4, Face::Side) => Some(glass),
+        (0, Face::Top) | (2, Face::Side) => Some(rear_glass),
+        (6, Face::Top) | (4, Face::Side) => Some(glass),
         _ => Some(paint),
     });
 }

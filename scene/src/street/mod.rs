@@ -50,7 +50,7 @@ pub fn mesh(seed: u64, config: &StreetConfig) -> Mesh {
     site.mesh
 }
 
-/// The generator of everything random here; ChaCha gives the same numbers on every machine.
+/// The generator of everything random here; `ChaCha` gives the same numbers on every machine.
 type Dice = ChaCha8Rng;
 
 /// What a stream of random numbers is for: a change in one part leaves the others as they were.

@@ -105,10 +105,11 @@ impl Plan {
         let lanes = if dice.random_bool(0.25) { 2 } else { 1 };
         let half_m = lanes as f32 * lane_width_m + 0.3;
         let lane = dice.random_range(0..lanes);
-        let road = Road::new(config, half_m, -lane_width_m * (lane as f32 + 0.5), dice);
+        let mut sides = [1.0, -1.0].map(|sign| Side::new(sign, half_m, dice));
+        let even_m = sides[0].pavement_m[1].max(sides[1].pavement_m[1]);
+        let road = Road::new(config, [half_m, even_m], -lane_width_m * (lane as f32 + 0.5), dice);
         let junctions = junctions(config, dice);
         let zebras_m = zebras(config.reach_m, &junctions, dice);
-        let mut sides = [1.0, -1.0].map(|sign| Side::new(sign, half_m, dice));
         let built_share = pick(config.built_share, dice);
         for (i, side) in sides.iter_mut().enumerate() {
             side.lots = lots(config.reach_m, side.pavement_m[1], &junctions, i, built_share, dice);

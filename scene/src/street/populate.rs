@@ -17,7 +17,7 @@ use crate::mesh::Mesh;
 use crate::shape::{Bar, bar, cuboid};
 use lidar::label::CLASS_IDS;
 
-/// SemanticKITTI ids that its learning map has no class for.
+/// `SemanticKITTI` ids that its learning map has no class for.
 const OTHER_STRUCTURE: u32 = 52;
 const OTHER_OBJECT: u32 = 99;
 
@@ -29,9 +29,12 @@ impl Plan {
         self.road.frame(along_m, left, self.step_m(along_m, left), turn)
     }
 
-    /// The frame of a lot: its origin is the corner at the street from which x runs along the front, y away from the street.
-    fn lot_frame(&self, side: &Side, lot: &Lot, away_m: f32) -> Affine3A {
-        self.side_frame(side, if side.sign > 0.0 { lot.along_m[0] } else { lot.along_m[1] }, away_m)
+    /// The frame of a lot so far from the road's middle, and its width there: x runs along it, y away from the street. In a bend
+    /// lots are wider or narrower there than at the road.
+    fn lot_frame(&self, side: &Side, lot: &Lot, away_m: f32) -> (Affine3A, f32) {
+        let left = side.sign * away_m;
+        let [from, to] = if side.sign > 0.0 { lot.along_m } else { [lot.along_m[1], lot.along_m[0]] };
+        self.road.frame_towards([from, left], [to, left], self.step_m(from, left))
     }
 }
 
@@ -41,9 +44,9 @@ pub(super) fn houses(site: &mut Site, plan: &Plan, dice: &mut Dice) {
         let shared_storeys = dice.random_range(2..4usize);
         let shared_roof = if dice.random_bool(0.75) { Roof::Along } else { Roof::Across };
         for lot in &side.lots {
-            let width_m = lot.along_m[1] - lot.along_m[0];
+            let (frame, width_m) = plan.lot_frame(side, lot, lot.front_m);
             if let Some((house, x)) = house_for(lot.kind, width_m, shared_storeys, shared_roof, dice) {
-                let place = plan.lot_frame(side, lot, lot.front_m) * Affine3A::from_translation(vec3(x, 0.0, 0.0));
+                let place = frame * Affine3A::from_translation(vec3(x, 0.0, 0.0));
                 site.put(&house.build(dice), &place);
             }
             garden(site, plan, side, lot, dice);
@@ -89,7 +92,6 @@ fn house_for(kind: LotKind, width_m: f32, storeys: usize, roof: Roof, dice: &mut
 /// A hedge, a fence or bushes between the pavement and the house, and a fence between neighbours' back gardens.
 fn garden(site: &mut Site, plan: &Plan, side: &Side, lot: &Lot, dice: &mut Dice) {
     let edge_m = side.pavement_m[1] + 0.35;
-    let width_m = lot.along_m[1] - lot.along_m[0];
     let detail = detail_at(0.5 * (lot.along_m[0] + lot.along_m[1]));
     if lot.front_m - edge_m > 1.5 {
         let kind = dice.random_range(0..4);
@@ -111,7 +113,7 @@ fn garden(site: &mut Site, plan: &Plan, side: &Side, lot: &Lot, dice: &mut Dice)
         }
     }
     if lot.kind != LotKind::Block {
-        let back = plan.lot_frame(side, lot, lot.front_m + 12.0);
+        let (back, width_m) = plan.lot_frame(side, lot, lot.front_m + 12.0);
         let turned = back * Affine3A::from_rotation_z(0.5 * PI);
         site.put(&if dice.random() { fence(9.0, dice) } else { hedge(9.0, 1.7, 0.5 * detail, dice) }, &turned);
         if dice.random_bool(0.5) {

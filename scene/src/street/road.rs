@@ -31,7 +31,8 @@ struct Land {
     cross_slope: f32,
     waves: [Wave; 3],
     roughness_m: f32,
-    carriageway_half_m: f32,
+    camber_half_m: f32,
+    even_half_m: f32,
     seed: u32,
 }
 
@@ -43,7 +44,8 @@ struct Wave {
 }
 
 impl Road {
-    pub(super) fn new(config: &StreetConfig, carriageway_half_m: f32, sensor_left_m: f32, dice: &mut Dice) -> Self {
+    /// `half_m` is how far to each side the camber goes, and how far the ground is even, as roads and pavements are.
+    pub(super) fn new(config: &StreetConfig, half_m: [f32; 2], sensor_left_m: f32, dice: &mut Dice) -> Self {
         let bend = pick(config.curvature_per_m, dice) * if dice.random() { 1.0 } else { -1.0 };
         let (wavelength_m, phase) = (dice.random_range(180.0..500.0), dice.random_range(0.0..TAU));
         // Twenty metres more than anyone may ask for.
@@ -79,7 +81,8 @@ impl Road {
                 cross_slope: dice.random_range(-0.02..0.02),
                 waves,
                 roughness_m: pick(config.roughness_m, dice),
-                carriageway_half_m,
+                camber_half_m: half_m[0],
+                even_half_m: half_m[1],
                 seed: dice.random(),
             },
         }
@@ -95,6 +98,13 @@ impl Road {
     pub(super) fn frame(&self, along_m: f32, left_m: f32, up_m: f32, turn_rad: f32) -> Affine3A {
         let heading = self.sample(along_m).1 + turn_rad;
         Affine3A::from_rotation_translation(Quat::from_rotation_z(heading), self.at(along_m, left_m, up_m))
+    }
+
+    /// A frame at the first place, with x towards the second, and how far that is; z is straight up.
+    pub(super) fn frame_towards(&self, from: [f32; 2], to: [f32; 2], up_m: f32) -> (Affine3A, f32) {
+        let way = self.flat(to[0], to[1]) - self.flat(from[0], from[1]);
+        let at = self.at(from[0], from[1], up_m);
+        (Affine3A::from_rotation_translation(Quat::from_rotation_z(way.to_angle()), at), way.length())
     }
 
     fn flat(&self, along_m: f32, left_m: f32) -> Vec2 {
@@ -113,10 +123,10 @@ impl Road {
 
 impl Land {
     fn height_m(&self, along_m: f32, left_m: f32) -> f32 {
-        let beside = (left_m.abs() - self.carriageway_half_m).max(0.0);
-        let off_road = (beside / 6.0).min(1.0);
+        let beside = (left_m.abs() - self.camber_half_m).max(0.0);
+        let off_road = ((left_m.abs() - self.even_half_m) / 5.0).clamp(0.0, 1.0);
         // 2 % camber lets the rain run off to both sides.
-        let camber = -0.02 * left_m.abs().min(self.carriageway_half_m);
+        let camber = -0.02 * left_m.abs().min(self.camber_half_m);
         let place = vec2(along_m, left_m);
         let waves: f32 = self.waves.iter().map(|w| w.height_m * (w.per_m.dot(place) + w.phase).sin()).sum();
         let road_bumps = 0.008 * self.noise(place / 2.7, 0);
@@ -137,7 +147,7 @@ impl Land {
     }
 }
 
-/// A number from −1 to 1 that looks random, of a place on a grid (the finaliser of MurmurHash3).
+/// A number from −1 to 1 that looks random, of a place on a grid (the finaliser of `MurmurHash3`).
 pub(super) fn hash(seed: u32, x: i32, y: i32) -> f32 {
     let mut h = seed ^ (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);

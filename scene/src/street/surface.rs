@@ -9,7 +9,7 @@ use super::road::hash;
 use crate::material::Material;
 use crate::mesh::{MaterialId, Mesh};
 
-/// SemanticKITTI id of lane markings; its learning map counts them as road.
+/// `SemanticKITTI` id of lane markings; its learning map counts them as road.
 const LANE_MARKING: u32 = 60;
 
 /// What the ground is made of.

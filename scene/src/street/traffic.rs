@@ -11,7 +11,7 @@ use super::plan::{Plan, Side};
 use super::{Dice, Site};
 use super::{bicycle, car, lorry, person};
 
-/// SemanticKITTI ids of what moves.
+/// `SemanticKITTI` ids of what moves.
 const MOVING_CAR: u32 = 252;
 const MOVING_LORRY: u32 = 258;
 const MOVING_BUS: u32 = 257;
