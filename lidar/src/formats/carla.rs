@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn labels_become_tags_of_the_same_class_and_objects_their_instance() -> Result<(), FormatError> {
-        let labels = vec![40, (9 << 16) | 10, 252, 70, 0];
+        let labels = vec![40, 0x0009_000a, 252, 70, 0];
         let zeros = vec![0.0; labels.len()];
         let cloud = PointCloud {
             x: zeros.clone(),
@@ -97,7 +97,7 @@ mod tests {
             ..PointCloud::new(1.0)
         };
         let read = decode(&encode(&cloud), &Limits::default())?;
-        assert_eq!(read.label, Some(vec![40, (9 << 16) | 10, 10, 70, 0]));
+        assert_eq!(read.label, Some(vec![40, 0x0009_000a, 10, 70, 0]));
         Ok(())
     }
 

@@ -1,5 +1,7 @@
 //! A walk through a file's bytes that never leaves them.
 
+use std::fmt::Display;
+
 use super::{FormatError, Limits};
 
 /// The bytes of a file and the place reached in them.
@@ -107,6 +109,6 @@ pub(super) fn check_points(count: u128, field: &str, offset: usize, limits: &Lim
 }
 
 /// The error for bytes that are not there.
-pub(super) fn truncated(field: &str, offset: usize, needed: impl ToString, available: usize) -> FormatError {
+pub(super) fn truncated(field: &str, offset: usize, needed: impl Display, available: usize) -> FormatError {
     FormatError::Truncated { field: field.into(), offset, needed: needed.to_string(), available }
 }

@@ -13,7 +13,7 @@ const MAX_FILE_BYTES_PER_POINT: u64 = 256;
 
 /// Reads the cloud in a file, its format told by its name.
 ///
-/// Beside a `.bin` scan without labels it looks for SemanticKITTI's: `<stem>.label` in the same folder or in `../labels/`.
+/// Beside a `.bin` scan without labels it looks for `SemanticKITTI`'s: `<stem>.label` in the same folder or in `../labels/`.
 pub fn read(path: &Path, limits: &Limits) -> Result<PointCloud, FormatError> {
     let format = Format::from_path(path).ok_or_else(|| FormatError::UnknownName { path: path.into() })?;
     let max_bytes = MAX_FILE_BYTES_PER_POINT.saturating_mul(limits.max_points as u64).saturating_add(1 << 20);
@@ -50,7 +50,7 @@ pub fn write(path: &Path, cloud: &PointCloud) -> Result<(), FormatError> {
     write_atomically(path, &bytes)
 }
 
-/// Where the labels of a `.bin` may be: beside it, or in SemanticKITTI's `labels` beside `velodyne`.
+/// Where the labels of a `.bin` may be: beside it, or in `SemanticKITTI`'s `labels` beside `velodyne`.
 fn label_paths(path: &Path, format: Format) -> [PathBuf; 2] {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let stem = &name[..name.len() - format.extension().len()];

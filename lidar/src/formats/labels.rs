@@ -1,4 +1,4 @@
-//! SemanticKITTI's `.label`: one little-endian u32 a point, beside the scan.
+//! `SemanticKITTI`'s `.label`: one little-endian u32 a point, beside the scan.
 
 use super::number::Numbers;
 use super::{FormatError, input::truncated};
@@ -31,8 +31,8 @@ mod tests {
 
     #[test]
     fn labels_of_another_scan_are_refused() {
-        let bytes = encode_labels(&[10, (7 << 16) | 252]);
-        assert_eq!(decode_labels(&bytes, 2).ok(), Some(vec![10, (7 << 16) | 252]));
+        let bytes = encode_labels(&[10, 0x0007_00fc]);
+        assert_eq!(decode_labels(&bytes, 2).ok(), Some(vec![10, 0x0007_00fc]));
         for points in [0, 1, 3, usize::MAX] {
             assert!(decode_labels(&bytes, points).is_err(), "{points}");
         }

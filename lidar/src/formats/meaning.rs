@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn tags_of_a_saved_carla_scan_become_labels() -> Result<(), FormatError> {
         let cloud = with([column("ObjIdx", vec![7_u32, 0]), column("ObjTag", vec![14_u32, 1])])?;
-        assert_eq!(cloud.label, Some(vec![(7 << 16) | 10, 40]));
+        assert_eq!(cloud.label, Some(vec![0x0007_000a, 40]));
         assert_eq!(cloud.extra.len(), 2);
         Ok(())
     }

@@ -48,9 +48,9 @@ pub enum Format {
     Laz,
     /// Point Cloud Library: ASCII, binary, or LZF-compressed; written binary.
     Pcd,
-    /// One NumPy array, structured or plain; written structured.
+    /// One `NumPy` array, structured or plain; written structured.
     Npy,
-    /// Several NumPy arrays in a ZIP archive.
+    /// Several `NumPy` arrays in a ZIP archive.
     Npz,
 }
 
@@ -161,10 +161,10 @@ pub fn encode(format: Format, cloud: &PointCloud) -> Result<Vec<u8>, FormatError
         Format::Kitti => Ok(kitti::encode(cloud)),
         Format::NuScenes => Ok(nuscenes::encode(cloud)),
         Format::CarlaSemantic => Ok(carla::encode(cloud)),
-        Format::Ply => ply::encode(cloud),
+        Format::Ply => Ok(ply::encode(cloud)),
         Format::Las => las::encode(cloud, false),
         Format::Laz => las::encode(cloud, true),
-        Format::Pcd => pcd::encode(cloud),
+        Format::Pcd => Ok(pcd::encode(cloud)),
         Format::Npy => npy::encode(cloud),
         Format::Npz => npz::encode(cloud),
     }

@@ -1,4 +1,4 @@
-//! NumPy's `.npz`: a ZIP archive of arrays.
+//! `NumPy`'s `.npz`: a ZIP archive of arrays.
 //!
 //! Read are, in this order: the array `points` (structured, or plain as in `.npy`), the array `xyz` `[point, 3]` or
 //! `[ring, column, 3]`, the arrays `x`, `y`, `z`, or the only array there is. Every other array with as many values as there are

@@ -1,4 +1,4 @@
-//! The part of ZIP (PKWARE APPNOTE 6.3) that NumPy archives use: stored and deflated members, no encryption, under 4 GiB.
+//! The part of ZIP (PKWARE APPNOTE 6.3) that `NumPy` archives use: stored and deflated members, no encryption, under 4 GiB.
 //!
 //! A general library keeps more of the format than an archive of arrays needs, and each feature is a way in. Here every size is
 //! checked against the bytes there and a budget before anything is unpacked; `npyz` is the tests' oracle.

@@ -121,7 +121,7 @@ impl GpsTime {
             10..MOST => (symbol as i32, 3, false),
             MOST => (MOST as i32, 4, true),
             LEAST => (-10, 6, true),
-            ..LEAST => (MOST as i32 - symbol as i32, 5, false),
+            501..LEAST => (MOST as i32 - symbol as i32, 5, false),
             SAME => return Ok(true),
             NEW => {
                 self.start(decoder)?;
@@ -157,6 +157,33 @@ impl GpsTime {
         self.current = self.newest;
         self.sequences[self.current] =
             Sequence { time: (i64::from(high) << 32) | i64::from(low), ..Sequence::default() };
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use laz::encoders::ArithmeticEncoder;
+
+    use super::*;
+
+    #[test]
+    fn a_stream_that_changes_sequences_for_ever_is_refused() -> Result<()> {
+        let mut model = ArithmeticModel::new(STILL_SYMBOLS, true, &[]);
+        let mut encoder = ArithmeticEncoder::new(Cursor::new(Vec::new()));
+        for _ in 0..5_000_000 {
+            encoder.encode_symbol(&mut model, NEW_WHEN_STILL as u32 + 1)?;
+        }
+        encoder.done()?;
+        let stream = encoder.into_inner().into_inner();
+        assert!(stream.len() < 1000, "five million changes take {} bytes", stream.len());
+
+        let mut decoder = ArithmeticDecoder::new(stream.as_slice());
+        decoder.read_init_bytes()?;
+        let refused = GpsTime::default().decompress_with(&mut decoder, &mut [0; BYTES]);
+        assert_eq!(refused.map_err(|error| error.kind()), Err(ErrorKind::InvalidData));
         Ok(())
     }
 }

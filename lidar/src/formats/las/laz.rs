@@ -1,6 +1,6 @@
 //! LAZ: the chunks of a compressed file, and their decompression by the `laz` crate once every size has been checked.
 //!
-//! The layout is `LASzip`'s (Isenburg, "LASzip: lossless compression of lidar data", 2013): the offset of the chunk table, the chunks,
+//! The layout is `LASzip`'s (Isenburg, "`LASzip`: lossless compression of lidar data", 2013): the offset of the chunk table, the chunks,
 //! the table. Point formats 6–10 compress each field of a chunk as a layer of its own, whose size stands before it.
 //!
 //! The crate's own readers are passed by: they allocate by the table's count and the layers' sizes, and both of their decoders of the

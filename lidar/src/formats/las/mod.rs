@@ -6,7 +6,7 @@
 //! Written are LAS 1.4, point format 6, 7 (colours) or 8 (near infrared), coordinates in steps of 0.1 mm. Fields without a place in
 //! the record are extra bytes: `ring` (u16), `label` (u32), `time` (f64), `intensity` (f32) where 16 bits would lose some of it, and
 //! every extra column. The record's own attributes become extra columns where they are not all zero: `las_classification` (ASPRS
-//! classes, not SemanticKITTI's), `number_of_returns`, `las_flags`, `scan_angle_deg`, `user_data`, `point_source_id`, `gps_time` (the
+//! classes, not `SemanticKITTI`'s), `number_of_returns`, `las_flags`, `scan_angle_deg`, `user_data`, `point_source_id`, `gps_time` (the
 //! cloud's time where no extra bytes are called `time`), `red`, `green`, `blue`, `nir`. Skipped are waveforms,
 //! and the GPS time of LAZ in point formats 6–10 (see [`laz`](self::laz)); what we write ourselves has its time in extra bytes too.
 

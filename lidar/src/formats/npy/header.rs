@@ -6,7 +6,7 @@ use crate::formats::input::Input;
 
 const MAGIC: [u8; 6] = *b"\x93NUMPY";
 
-/// NumPy itself refuses longer ones.
+/// `NumPy` itself refuses longer ones.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
 /// More dimensions than a batch of images has are no points.

@@ -2,7 +2,7 @@
 
 use super::FormatError;
 
-/// NumPy nests four deep: dictionary, list of fields, field, its shape.
+/// `NumPy` nests four deep: dictionary, list of fields, field, its shape.
 const MAX_DEPTH: usize = 8;
 
 /// A literal.

@@ -1,4 +1,4 @@
-//! NumPy's `.npy` (NEP 1): one array, structured with named fields, or plain with a column a number.
+//! `NumPy`'s `.npy` (NEP 1): one array, structured with named fields, or plain with a column a number.
 //!
 //! The reader is our own: the general ones parse the header's Python literal by recursion without a limit, and a header of nothing
 //! but brackets overflows their stack. `npyz` is the tests' oracle. Written structured, one record a point.
@@ -33,7 +33,7 @@ pub(super) fn organised(
     let mut cloud = meaning::cloud_of(columns, full_scale, limits)?;
     cloud.check()?;
     let &[rings, width] = shape else { return Ok(cloud) };
-    if cloud.ring.is_none() && rings <= usize::from(u16::MAX) {
+    if cloud.ring.is_none() && u16::try_from(rings).is_ok() {
         cloud.ring = Some((0..cloud.len()).map(|i| (i / width.max(1)) as u16).collect());
     }
     let is_return = |i: usize| match &range {

@@ -25,7 +25,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, Format
     let mut columns = match header.data {
         Data::Ascii => text::columns(&header.fields, body.rest(), points, body.position())?,
         Data::Binary => {
-            let needed = points.checked_mul(stride).unwrap_or(usize::MAX);
+            let needed = points.saturating_mul(stride);
             record::columns(&header.fields, body.take(needed, "POINTS")?, Endian::Little)
         }
         Data::Compressed => {
@@ -72,7 +72,7 @@ fn by_field(fields: &[Field], bytes: &[u8], points: usize) -> Vec<Column> {
     columns
 }
 
-pub(super) fn encode(cloud: &PointCloud) -> Result<Vec<u8>, FormatError> {
+pub(super) fn encode(cloud: &PointCloud) -> Vec<u8> {
     let columns = record::written(cloud);
     let list = |word: fn(&record::Written<'_>) -> String| columns.iter().map(word).collect::<Vec<_>>().join(" ");
     let points = cloud.len();
@@ -86,5 +86,5 @@ pub(super) fn encode(cloud: &PointCloud) -> Result<Vec<u8>, FormatError> {
         list(|column| header::type_letter(column.numbers.number_type()).into()),
         list(|_| "1".into()),
     );
-    Ok(record::append_records(header.into_bytes(), &columns, points))
+    record::append_records(header.into_bytes(), &columns, points)
 }

@@ -34,23 +34,26 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, Format
             for element in before {
                 element.skip_bytes(&mut body, endian)?;
             }
-            let needed = points.checked_mul(stride).unwrap_or(usize::MAX);
+            let needed = points.saturating_mul(stride);
             record::columns(&fields, body.take(needed, "element vertex")?, endian)
         }
     };
     meaning::cloud_of(columns, header.full_scale, limits)
 }
 
-pub(super) fn encode(cloud: &PointCloud) -> Result<Vec<u8>, FormatError> {
+pub(super) fn encode(cloud: &PointCloud) -> Vec<u8> {
     let mut columns = record::written(cloud);
     columns.iter_mut().for_each(record::without_64_bit_integers);
-    let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
-    header += &format!("comment {} {}\n", record::FULL_SCALE_NOTE, cloud.full_scale);
-    header += &format!("element vertex {}\n", cloud.len());
-    for column in &columns {
+    let property = |column: &record::Written<'_>| {
         let name = record::word(&column.name);
-        header += &format!("property {} {name}\n", header::type_name(column.numbers.number_type()));
-    }
-    header += "end_header\n";
-    Ok(record::append_records(header.into_bytes(), &columns, cloud.len()))
+        format!("property {} {name}\n", header::type_name(column.numbers.number_type()))
+    };
+    let header = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment {} {}\nelement vertex {}\n{}end_header\n",
+        record::FULL_SCALE_NOTE,
+        cloud.full_scale,
+        cloud.len(),
+        columns.iter().map(property).collect::<String>()
+    );
+    record::append_records(header.into_bytes(), &columns, cloud.len())
 }
