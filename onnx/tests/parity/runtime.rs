@@ -24,7 +24,14 @@ fn library() -> PathBuf {
 
 fn environment() -> &'static Environment {
     static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
-    ENVIRONMENT.get_or_init(|| ort::environment::init_from(library()).unwrap().build().unwrap())
+    ENVIRONMENT.get_or_init(|| {
+        let library = library();
+        let loaded = ort::environment::init_from(&library);
+        let builder = loaded.unwrap_or_else(|error| {
+            panic!("{} is no ONNX Runtime ({error}): run scripts/fetch-onnxruntime.sh", library.display())
+        });
+        builder.build().unwrap()
+    })
 }
 
 /// Runs a file; inputs and outputs in the graph's order.
