@@ -24,7 +24,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let scene = Scene::new(mesh_file::load(seed)?);
         let number = |i: usize| arguments.get(i).map_or(Ok(0.0), |text| text.parse::<f32>());
         let yaw_rad = number(4)?.to_radians();
-        let pose = Pose::above_ground(&scene, number(2)?, number(3)?, yaw_rad).ok_or("no ground at X, Y")?;
+        let [x_m, y_m] = nearest_road(&scene, [number(2)?, number(3)?]);
+        let pose = Pose::above_ground(&scene, x_m, y_m, yaw_rad).ok_or("no ground at X, Y")?;
         (scene, pose)
     };
     println!("{} triangles in {:.0} ms", scene.mesh().len(), started.elapsed().as_secs_f64() * 1e3);
@@ -38,6 +39,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     cloud(&scan).save(folder.join("cloud.png"))?;
     view(&scene, &pose).save(folder.join("view.png"))?;
     Ok(())
+}
+
+/// The middle of the piece of road that is nearest to a place; the place itself where there is no road.
+fn nearest_road(scene: &Scene, [x_m, y_m]: [f32; 2]) -> [f32; 2] {
+    let mesh = scene.mesh();
+    let roads = (0..mesh.len()).filter(|i| class_of(mesh.material(*i).label) == 9);
+    let middles = roads.map(|i| {
+        let [a, b, c] = mesh.corners(i);
+        [(a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0]
+    });
+    let far = |at: &[f32; 2]| (at[0] - x_m).hypot(at[1] - y_m);
+    middles.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or([x_m, y_m])
 }
 
 /// The scan's images one below the other, each ring three pixels high.

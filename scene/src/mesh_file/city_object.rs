@@ -42,7 +42,7 @@ fn label_of_type(kind: &str) -> u32 {
 /// Kinds of road, land and furniture are told by attributes, which each country names as it likes.
 fn label_of_attributes(kind: &str, attributes: &Map<String, Value>) -> Option<u32> {
     const TELLING: [&str; 5] = ["class", "function", "usage", "type", "fysiekvoorkomen"];
-    if !["Road", "LandUse", "PlantCover", "CityFurniture", "GenericCityObject", "+GenericCityObject"].contains(&kind) {
+    if !["Road", "LandUse", "CityFurniture", "GenericCityObject", "+GenericCityObject"].contains(&kind) {
         return None;
     }
     let mut telling = attributes.iter().filter(|(key, _)| TELLING.iter().any(|end| key.ends_with(end)));

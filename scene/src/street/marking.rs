@@ -17,9 +17,8 @@ pub(super) fn patches(plan: &Plan, dice: &mut Dice) -> Vec<Patch> {
     lines(plan, &mut patches, dice);
     driveways(plan, &mut patches);
     for junction in &plan.junctions {
-        for (i, side) in plan.sides.iter().enumerate().filter(|(i, _)| junction.goes[*i]) {
+        for (side, _) in plan.sides.iter().zip(junction.goes).filter(|(_, goes)| *goes) {
             side_street(plan, *junction, side, &mut patches);
-            let _ = i;
         }
     }
     for along_m in &plan.zebras_m {
@@ -77,7 +76,7 @@ pub(super) fn bay_edges(plan: &Plan, side: usize) -> impl Iterator<Item = f32> {
 
 /// Middle, lane and edge lines.
 fn lines(plan: &Plan, patches: &mut Vec<Patch>, dice: &mut Dice) {
-    let (dash_m, gap_m) = *[(3.0, 6.0), (3.0, 3.0), (6.0, 6.0)].get(dice.random_range(0..3)).unwrap_or(&(3.0, 6.0));
+    let (dash_m, gap_m) = [(3.0, 6.0), (3.0, 3.0), (6.0, 6.0)][dice.random_range(0..3)];
     let double = plan.lanes > 1 && dice.random_bool(0.6);
     let edge_lines = dice.random_bool(0.6);
     let whole = [-plan.reach_m, plan.reach_m];

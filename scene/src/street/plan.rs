@@ -232,12 +232,12 @@ fn lots(reach_m: f32, front_m: f32, junctions: &[Junction], side: usize, built: 
     for (to_m, next_m) in ends.chain([(reach_m, reach_m)]) {
         let district = match dice.random_range(0..10) {
             0..4 => LotKind::Terrace,
-            4..7 => LotKind::Detached,
-            7..9 => LotKind::Block,
+            4..6 => LotKind::Detached,
+            6..8 => LotKind::Block,
             _ => LotKind::Open,
         };
         let setback_m = match district {
-            LotKind::Terrace => *[0.05, 0.05, 2.5, 4.0].get(dice.random_range(0..4)).unwrap_or(&2.5),
+            LotKind::Terrace => [0.05, 0.05, 2.5, 4.0][dice.random_range(0..4)],
             LotKind::Block => dice.random_range(0.05..5.0),
             LotKind::Detached | LotKind::Open => dice.random_range(3.5..8.0),
         };

@@ -49,7 +49,7 @@ fn driving(site: &mut Site, plan: &Plan, lane_m: f32, dice: &mut Dice) {
         let own_lane = plan.road.at(0.0, lane_m, 0.0).y.abs() < 0.5;
         let drift = if beside { 0.0 } else { dice.random_range(-0.3..0.3) };
         if !(beside && own_lane) {
-            let kerbside = lane_m - lane_m.signum() * 0.0 + lane_m.signum() * 0.3 * plan.lane_width_m;
+            let kerbside = lane_m + lane_m.signum() * 0.3 * plan.lane_width_m;
             match dice.random_range(0..100) {
                 0..64 => {
                     let label = site.instance(MOVING_CAR);
@@ -82,43 +82,38 @@ fn parked(site: &mut Site, plan: &Plan, i: usize, side: &Side, dice: &mut Dice) 
     let middle = side.sign * 0.5 * (from + to);
     // Most park the way they drive.
     let with_traffic = if side.sign > 0.0 { PI } else { 0.0 };
-    for edge in bay_edges(plan, i) {
+    let mut edges = bay_edges(plan, i);
+    while let Some(edge) = edges.next() {
         let along = edge + 0.5 * BAY_M + dice.random_range(-0.35..0.35);
         if dice.random::<f32>() > plan.config.parked_share || plan.to_junction_m(i, along) < 6.0 {
             continue;
         }
-        let turn =
-            if dice.random_bool(0.8) { with_traffic } else { with_traffic + PI } + dice.random_range(-0.03..0.03);
+        let reversed = if dice.random_bool(0.8) { 0.0 } else { PI };
+        let turn = with_traffic + reversed + dice.random_range(-0.03..0.03);
         let at = [along, middle + dice.random_range(-0.1..0.1)];
         match dice.random_range(0..100) {
-            0..88 => {
+            0..87 => {
                 let label = site.instance(CLASS_IDS[1]);
                 put(site, plan, &car::build(label, dice), at, turn);
             }
-            88..93 => {
+            87..91 => {
                 let label = site.instance(CLASS_IDS[5]);
                 put(site, plan, &lorry::trailer(label, dice), at, turn);
+            }
+            91..94 => {
+                // It takes the next bay too.
+                edges.next();
+                let label = site.instance(CLASS_IDS[4]);
+                put(site, plan, &lorry::lorry(label, dice), [edge + BAY_M, middle], turn);
             }
             _ => {
                 for k in 0..dice.random_range(1..4) {
                     let label = site.instance(CLASS_IDS[3]);
-                    let across = turn + 0.5 * PI;
-                    put(
-                        site,
-                        plan,
-                        &bicycle::motorcycle(label, false, dice),
-                        [along + 0.9 * k as f32 - 1.5, at[1]],
-                        across,
-                    );
+                    let at = [along + 0.9 * k as f32 - 1.5, at[1]];
+                    put(site, plan, &bicycle::motorcycle(label, false, dice), at, turn + 0.5 * PI);
                 }
             }
         }
-    }
-    // A lorry that delivers somewhere takes two bays; it is put where no car is by chance or not at all.
-    let along = dice.random_range(0.3..0.9) * plan.reach_m;
-    if plan.config.parked_share < 0.05 && plan.to_junction_m(i, along) > 12.0 {
-        let label = site.instance(CLASS_IDS[4]);
-        put(site, plan, &lorry::lorry(label, dice), [along, middle], with_traffic);
     }
 }
 
