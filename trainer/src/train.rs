@@ -78,7 +78,7 @@ pub fn train(config: &TrainConfig, run: &Run) -> Result<Option<Scores>> {
         let entry = json!({"step": progress.step, "keep": losses[0], "reflectance": losses[1], "range": losses[2]});
         writeln!(log, "{entry}")?;
         if progress.step.is_multiple_of(schedule.checkpoint_every) || progress.step == last {
-            validate(&network, &validation, schedule, &mut progress, run, &mut log)?;
+            validate(&network, &validation, &mut progress, run, &mut log)?;
             checkpoint::save(&run.out, &network, &optimizer, progress)?;
         }
     }
@@ -132,14 +132,15 @@ fn learning_rate(schedule: &Schedule, step: usize) -> f64 {
 fn validate(
     network: &UNet,
     validation: &[Scans],
-    schedule: &Schedule,
     progress: &mut Progress,
     run: &Run,
     log: &mut impl Write,
 ) -> Result<()> {
     let plain = network.valid();
     let scores = evaluate(&plain, validation.iter().flat_map(|s| &s.images), &Device::flex());
-    let total = scores.keep_log_loss.model + f64::from(schedule.reflectance_weight) * scores.reflectance_mae.model;
+    // Each score in units of what doing nothing scores, so that neither outweighs the other by its unit.
+    let total = scores.keep_log_loss.model / scores.keep_log_loss_of_constant
+        + scores.reflectance_mae.model / scores.reflectance_mae.pass_through;
     writeln!(log, "{}", json!({"step": progress.step, "validation": scores, "total": total}))?;
     tracing::info!(
         step = progress.step,
