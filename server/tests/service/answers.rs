@@ -15,6 +15,10 @@ fn one_seed_gives_one_answer_whatever_else_runs() -> Result {
     let body = bin()?;
     let expected = service.scan("?seed=7", &[], &body)?.success()?;
     assert!(service.scan("?seed=8", &[], &body)?.success()? != expected, "another seed is another answer");
+    // This one keeps every ray: only its noise depends on the seed.
+    let unruly = |seed: u64| service.scan(&format!("?model=unruly&seed={seed}"), &[], &body).and_then(Answer::success);
+    assert!(unruly(7)? != unruly(8)?, "another seed is other noise");
+    assert!(unruly(7)? == unruly(7)?);
     let answers = thread::scope(|scope| {
         let ask = |i: u64| {
             let (service, body) = (&service, &body);
@@ -41,7 +45,7 @@ fn the_seed_is_zero_unless_given_and_noise_moves_points_along_their_rays() -> Re
     assert_eq!(answer.header("x-realbeam-seed"), "0");
     let decode = |bytes: &[u8]| formats::decode(Format::Kitti, bytes, &formats::Limits::default());
     let (sent, got) = (scan(), decode(&answer.success()?)?);
-    let mut moved = 0;
+    let (mut moved, mut farthest_m) = (0, 0.0f32);
     let mut j = 0;
     for i in 0..got.len() {
         // Answers keep the order of the points: look for the sent point on the same ray.
@@ -58,9 +62,12 @@ fn the_seed_is_zero_unless_given_and_noise_moves_points_along_their_rays() -> Re
         // 1 cm of noise, and the rounding of 45 m in single precision.
         assert!((-1e-5..0.01 + 1e-5).contains(&by_m), "moved by {by_m} m");
         moved += usize::from(by_m > 1e-4);
+        farthest_m = farthest_m.max(by_m);
         assert!((got.intensity[i] - 0.8 * sent.intensity[j]).abs() < 1e-6);
     }
     assert!(moved * 10 > got.len() * 9, "{moved} of {} points moved", got.len());
+    // The numbers that drop rays where they are above 0.9 are not the model's noise: that one reaches 1.
+    assert!(farthest_m > 0.0095, "{farthest_m}");
     Ok(())
 }
 
