@@ -6,7 +6,7 @@ use lidar::metrics::{Forecast, auc, calibration_error, log_loss, mean_absolute_e
 use proto::card::Score;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::data::holes::Pixel;
 use crate::data::sample::{CARLA_ATTENUATION, Sample, SimulatedReflectance};
@@ -16,7 +16,7 @@ use crate::network::UNet;
 const SEED: u64 = 20;
 
 /// Scores over a set of scans; each beside the pass-through's, which keeps every ray with its simulated reflectance and range.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Scans scored.
     pub scans: usize,
@@ -42,7 +42,7 @@ pub struct Scores {
 }
 
 /// A model's score and the pass-through's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     /// The model's.
     pub model: f64,

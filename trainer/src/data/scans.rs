@@ -9,6 +9,7 @@ use proto::card::Dataset;
 use sha2::{Digest, Sha256};
 
 use crate::config::DataConfig;
+use crate::network::COLUMN_MULTIPLE;
 
 /// The scans of one [`DataConfig`], cut to its sector.
 #[derive(Clone, Debug)]
@@ -83,7 +84,7 @@ pub fn scan_files(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The columns of a sector from one azimuth clockwise to another, in degrees.
+/// The columns of a sector from one azimuth clockwise to another, in degrees; as many whole [`COLUMN_MULTIPLE`]s as fit.
 fn cut_sector(image: &RangeImage, [from_deg, to_deg]: [f64; 2]) -> Result<RangeImage> {
     ensure!(
         (-180.0..=180.0).contains(&to_deg) && from_deg <= 180.0 && from_deg > to_deg,
@@ -91,7 +92,9 @@ fn cut_sector(image: &RangeImage, [from_deg, to_deg]: [f64; 2]) -> Result<RangeI
     );
     let column = |azimuth_deg: f64| ((180.0 - azimuth_deg) / 360.0 * image.columns() as f64).round() as usize;
     let (from, to) = (column(from_deg), column(to_deg));
-    Ok(cut_columns(image, from, to - from))
+    let count = (to - from) / COLUMN_MULTIPLE * COLUMN_MULTIPLE;
+    ensure!(count > 0, "sector_deg [{from_deg}, {to_deg}] is narrower than {COLUMN_MULTIPLE} columns");
+    Ok(cut_columns(image, from, count))
 }
 
 /// `count` columns from `from` on, round the turn.
@@ -112,4 +115,27 @@ pub fn cut_columns(image: &RangeImage, from: usize, count: usize) -> RangeImage 
 /// Lower-case hexadecimal.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sector_is_as_wide_as_the_network_takes() -> Result<()> {
+        let image =
+            RangeImage::from_channels(360, (0..360).map(|c| 1.0 + c as f32).collect(), vec![0.0; 360], vec![0; 360]);
+        let sector = cut_sector(&image, [90.0, 45.0])?;
+        assert_eq!(sector.columns(), 40);
+        assert_eq!(sector.range_m()[0], 91.0, "column 90 of 360 looks 90° to the left");
+        assert!(cut_sector(&image, [0.0, 90.0]).is_err(), "clockwise");
+        assert!(cut_sector(&image, [1.0, 0.0]).is_err(), "too narrow");
+        Ok(())
+    }
+
+    #[test]
+    fn cutting_goes_round_the_turn() {
+        let image = RangeImage::from_channels(4, vec![1.0, 2.0, 3.0, 4.0], vec![0.0; 4], vec![0; 4]);
+        assert_eq!(cut_columns(&image, 3, 2).range_m(), [4.0, 1.0]);
+    }
 }
