@@ -84,6 +84,8 @@ impl Values {
     }
 
     /// The values as `f64`; exact but for 64-bit integers past 2⁵³.
+    // The macro's body serves every type, `f64` among them.
+    #[allow(clippy::unnecessary_cast)]
     pub fn to_f64(&self) -> Vec<f64> {
         each_type!(self, v => v.iter().map(|&value| value as f64).collect())
     }
@@ -167,6 +169,7 @@ impl PointCloud {
     ///
     /// # Panics
     /// If an index is not a point of the cloud.
+    #[must_use]
     pub fn select(&self, indices: &[u32]) -> Self {
         let mut out = Self::default();
         out.select_from(self, indices);

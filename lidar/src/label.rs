@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn instances_and_moving_objects_keep_their_class() {
-        assert_eq!(class_of((12 << 16) | 252), 1);
+        assert_eq!(class_of(0x000c_0000 + 252), 1);
         assert_eq!(class_of(254), 6);
     }
 

@@ -1,6 +1,6 @@
 //! Ray drop: which rays the sensor reports, decided by a counter-based generator.
 //!
-//! Every number is a word of the ChaCha8 key stream: the key is the seed, the stream is (channel, ring), the word's position is the
+//! Every number is a word of the `ChaCha8` key stream: the key is the seed, the stream is (channel, ring), the word's position is the
 //! column. A ray's number therefore depends on (seed, channel, ring, column) alone, never on batch, order or threads.
 
 use rand_chacha::ChaCha8Rng;

@@ -7,6 +7,9 @@ use lidar::formats::{self, Format, Limits};
 use proto::MediaType;
 use tests::{RunningServer, models};
 
+/// Query, headers, body, and the status that answers them.
+type Case = (&'static str, Vec<(&'static str, &'static str)>, Vec<u8>, u16);
+
 type Fact = Result<(), Box<dyn std::error::Error>>;
 
 fn data(name: &str) -> PathBuf {
@@ -78,7 +81,7 @@ fn one_seed_gives_one_answer_whoever_else_is_asking() -> Fact {
     assert_ne!(alone, ask(6)?, "another seed drops other rays");
     let together: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = (0..6).map(|i| scope.spawn(move || (i % 2, ask(5 + i % 2)))).collect();
-        threads.into_iter().map(|thread| thread.join()).collect()
+        threads.into_iter().map(std::thread::ScopedJoinHandle::join).collect()
     });
     for answer in together {
         let (other, body) = answer.map_err(|_| "a client panicked")?;
@@ -142,7 +145,7 @@ fn what_is_wrong_with_a_request_is_said_in_one_json_body() -> Fact {
     let client = server.client();
     let points = vec![1u8; 160];
     let nan: Vec<u8> = [f32::NAN; 400].iter().flat_map(|v| v.to_le_bytes()).collect();
-    let cases: Vec<(&str, Vec<(&str, &str)>, Vec<u8>, u16)> = vec![
+    let cases: Vec<Case> = vec![
         ("", vec![], vec![0; 17], 400),
         ("?seed=minus-one", vec![], points.clone(), 400),
         ("?colour=red", vec![], points.clone(), 400),

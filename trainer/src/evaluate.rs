@@ -1,5 +1,7 @@
 //! How well a network does on real scans that it did not learn from, beside doing nothing.
 
+use std::fmt::Write as _;
+
 use burn::tensor::{Device, Tensor, TensorData};
 use lidar::RangeImage;
 use lidar::metrics::{Forecast, auc, calibration_error, log_loss, mean_absolute_error};
@@ -162,12 +164,14 @@ impl Scores {
 
     /// As a table for a terminal and for the README.
     pub fn to_table(&self) -> String {
+        // Writing into a string cannot fail.
         let mut out = String::from("| metric | unit | pass-through | model |\n|---|---|---|---|\n");
         for s in self.to_card() {
-            out += &format!("| {} | {} | {:.4} | {:.4} |\n", s.metric, s.unit, s.pass_through, s.model);
+            let _ = writeln!(out, "| {} | {} | {:.4} | {:.4} |", s.metric, s.unit, s.pass_through, s.model);
         }
-        out += &format!(
-            "\n{} scans; the sensor reported {:.1} % of the rays, the model expects {:.1} %.\n",
+        let _ = writeln!(
+            out,
+            "\n{} scans; the sensor reported {:.1} % of the rays, the model expects {:.1} %.",
             self.scans,
             100.0 * self.keep_share,
             100.0 * self.predicted_keep_share

@@ -110,7 +110,7 @@ fn step(
     device: &Device,
 ) -> Result<(UNet, [f32; 3])> {
     let batch = sampler.batch(step, device);
-    let loss = Loss::new(network.predict(batch.scan.clone()), &batch, schedule);
+    let loss = Loss::new(network.predict(&batch.scan), &batch, schedule);
     let value = |x: &burn::tensor::Tensor<1>| x.clone().into_scalar::<f32>();
     let losses = [value(&loss.keep), value(&loss.reflectance), value(&loss.range)];
     if losses.iter().any(|l| !l.is_finite()) {

@@ -134,7 +134,7 @@ mod tests {
         let mut image = RangeImage::empty(8, columns);
         for i in 0..8 * columns {
             let column = i % columns;
-            let hole = column % every == 0 || (60..100).contains(&column);
+            let hole = column.is_multiple_of(every) || (60..100).contains(&column);
             if !hole {
                 image.set(i, 1.0 / (0.05 + 0.0001 * column as f32), 0.5, 13);
             }

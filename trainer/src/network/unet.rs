@@ -56,7 +56,7 @@ pub struct UNet {
     head: Conv2d,
 }
 
-/// Convolution 3×3, batch norm, ReLU.
+/// Convolution 3×3, batch norm, `ReLU`.
 #[derive(Module, Debug)]
 struct Stage {
     conv: Conv2d,
@@ -92,13 +92,13 @@ impl UNet {
         let before = scan.clone().slice(s![.., .., .., columns - WRAP..columns]);
         let after = scan.clone().slice(s![.., .., .., 0..WRAP]);
         let wrapped = Tensor::cat(vec![before, scan, after], 3);
-        let measured = self.predict(wrapped).measure();
+        let measured = self.predict(&wrapped).measure();
         let cut = |x: Tensor<4>| x.slice(s![.., .., .., WRAP..WRAP + columns]);
         Measurement { range_m: cut(measured.range_m), reflectance: cut(measured.reflectance), keep: cut(measured.keep) }
     }
 
     /// The same for a cut-out of a turn, before the last non-linearities: what the losses want.
-    pub fn predict(&self, scan: Tensor<4>) -> Prediction {
+    pub fn predict(&self, scan: &Tensor<4>) -> Prediction {
         let channel = |i: usize| scan.clone().slice(s![.., i..i + 1, .., ..]); // [batch, 1, ring, column]
         let range_m = channel(0);
         let valid = range_m.clone().greater_elem(0.0).float();
