@@ -182,6 +182,23 @@ fn npyz_reads_our_arrays() -> Outcome {
 }
 
 #[test]
+fn padding_between_numpy_fields_is_no_column() -> Outcome {
+    // What numpy.save writes for an aligned type of f4, u1, f8, f8.
+    let header = "{'descr': [('x', '<f4'), ('i', '|u1'), ('', '|V3'), ('y', '<f8'), ('z', '<f8')], \
+                  'fortran_order': False, 'shape': (1,), }";
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(1.0_f32.to_le_bytes());
+    bytes.extend([77, 9, 9, 9]);
+    bytes.extend([2.0_f64, 3.0].map(f64::to_le_bytes).concat());
+    let cloud = read(Format::Npy, &bytes)?;
+    assert_eq!((cloud.x[0], cloud.y[0], cloud.z[0], cloud.intensity[0]), (1.0, 2.0, 3.0, 77.0));
+    assert!(cloud.extra.is_empty(), "{:?}", cloud.extra);
+    Ok(())
+}
+
+#[test]
 fn las_reads_our_las_and_laz() -> Outcome {
     for format in [Format::Las, Format::Laz] {
         let mut reader = las::Reader::new(Cursor::new(encode(format, &cloud())?))?;

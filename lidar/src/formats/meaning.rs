@@ -91,14 +91,15 @@ pub(super) fn coordinates_m(
     metres: impl Iterator<Item = f64>,
     first: usize,
 ) -> Result<Vec<f32>, FormatError> {
-    let one = |(i, value_m): (usize, f64)| {
+    let mut coordinates = Vec::with_capacity(metres.size_hint().0);
+    for (i, value_m) in metres.enumerate() {
         let far = (MILLIMETRE_RANGE_M..PLACE_RANGE_M).contains(&value_m.abs());
         if far && (f64::from(value_m as f32) - value_m).abs() > 0.5e-3 {
             return Err(FormatError::FarFromOrigin { field, point: first + i, value_m });
         }
-        Ok(value_m as f32)
-    };
-    metres.enumerate().map(one).collect()
+        coordinates.push(value_m as f32);
+    }
+    Ok(coordinates)
 }
 
 fn to_f32(values: &Values) -> Vec<f32> {
@@ -124,8 +125,9 @@ fn guess_full_scale(intensity: &Values) -> f32 {
 
 /// The values as integers, where all of them are whole and from 0 to `max`.
 fn whole<T>(values: &Values, max: f64, integer: fn(f64) -> T) -> Option<Vec<T>> {
-    let one = |value: f64| ((0.0..=max).contains(&value) && value.fract() == 0.0).then(|| integer(value));
-    values.to_f64().into_iter().map(one).collect()
+    let values = values.to_f64();
+    let all_fit = values.iter().all(|value| (0.0..=max).contains(value) && value.fract() == 0.0);
+    all_fit.then(|| values.into_iter().map(integer).collect())
 }
 
 /// Times as seconds. Floats are seconds unless they are too large for that. Integers are nanoseconds (Ouster, Nebula, ROS) if

@@ -129,9 +129,9 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Most bytes that a file may unpack to: 64 for each of [`max_points`](Self::max_points), and 64 KiB for headers.
+    /// Most bytes that a file may unpack to: 128 for each of [`max_points`](Self::max_points), and 64 KiB for headers.
     pub fn max_unpacked_bytes(&self) -> usize {
-        self.max_points.saturating_mul(64).saturating_add(1 << 16)
+        self.max_points.saturating_mul(128).saturating_add(1 << 16)
     }
 }
 

@@ -58,6 +58,19 @@ pub(super) fn column_name(field: &Field, i: usize) -> String {
     if field.count == 1 { field.name.clone() } else { format!("{}_{i}", field.name) }
 }
 
+/// Name of the bytes between fields, which mean nothing (PCD's word for them).
+pub(super) const PADDING: &str = "_";
+
+/// Removes what [`columns`] made of padding.
+pub(super) fn drop_padding(columns: &mut Vec<Column>) {
+    let is_index = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_padding = |name: &str| {
+        let rest = name.strip_prefix(PADDING);
+        rest.is_some_and(|rest| rest.is_empty() || rest.strip_prefix('_').is_some_and(is_index))
+    };
+    columns.retain(|column| !is_padding(&column.name));
+}
+
 /// A column to write.
 #[derive(Clone, Debug)]
 pub(super) struct Written<'a> {

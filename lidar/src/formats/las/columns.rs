@@ -66,15 +66,19 @@ impl<'a> Columns<'a> {
         self.user_data.extend(points.user_data());
         self.point_source.extend(points.point_source_id());
         // The decompressor of layers leaves the time out, and the first point's in all others' place.
-        if !(format.is_compressed && format.is_extended) {
-            self.gps_time.extend(points.gps_time().into_iter().flatten());
+        if !(format.is_compressed && format.is_extended)
+            && let Some(time) = points.gps_time()
+        {
+            self.gps_time.extend(time);
         }
         for (red, green, blue) in points.rgb().into_iter().flatten() {
             self.colours[0].push(red);
             self.colours[1].push(green);
             self.colours[2].push(blue);
         }
-        self.nir.extend(points.nir().into_iter().flatten());
+        if let Some(nir) = points.nir() {
+            self.nir.extend(nir);
+        }
         let extra_offset = record_bytes - usize::from(format.extra_bytes);
         extra_bytes::append(&mut self.extra, &self.header.extra, records, *record_bytes, extra_offset);
         Ok(())

@@ -5,7 +5,7 @@ use las::raw;
 use las::{Transform, Vector};
 
 use super::extra_bytes::{self, ExtraField};
-use super::{FormatError, Limits, NOTE_RECORD, NOTE_USER, input, library, record};
+use super::{FormatError, Limits, MAX_EXTRA_BYTES, NOTE_RECORD, NOTE_USER, input, library, record};
 use crate::formats::input::{Input, truncated};
 
 /// Offsets of header fields, for messages (LAS 1.4 R15, table 3).
@@ -21,8 +21,6 @@ const HEADER_BYTES: usize = 227;
 
 /// A scan has a handful of records; the largest GIS files some dozens.
 const MAX_VLRS: u32 = 1024;
-/// Most extra bytes a point: 64 doubles. LAZ keeps tables of several kilobytes for each.
-const MAX_EXTRA_BYTES: u16 = 512;
 
 #[derive(Debug)]
 pub(super) struct Header {

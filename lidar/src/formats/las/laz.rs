@@ -19,8 +19,9 @@ use super::gps_time::GpsTime;
 use super::{FormatError, Header, STEP};
 use crate::formats::input::Input;
 
-/// Each chunk makes the decompressor build its tables anew, which takes far longer than reading the chunk's bytes.
-const MAX_CHUNKS: u64 = 4096;
+/// Each chunk makes the decompressor build its tables anew, which takes a millisecond, however few its points: a small file of many
+/// chunks would keep a server busy for seconds. Encoders put 50,000 points into a chunk.
+const MAX_CHUNKS: u64 = 512;
 
 /// `LASzip`'s word for one chunk of all points, for chunks, and for chunks of layers.
 const POINT_WISE: u16 = 1;

@@ -29,6 +29,9 @@ pub(super) use write::encode;
 /// Points that are unpacked at a time.
 const STEP: usize = 50_000;
 
+/// Most extra bytes a point: 64 doubles. LAZ keeps tables of several kilobytes for each.
+const MAX_EXTRA_BYTES: u16 = 512;
+
 /// Our variable length record: one text, the intensity that means 1.
 const NOTE_USER: &str = "realbeam";
 const NOTE_RECORD: u16 = 1;

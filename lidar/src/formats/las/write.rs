@@ -5,7 +5,7 @@ use std::io::Cursor;
 use las::{Builder, PointDataBuilder, Transform, Vector, Version, Vlr, Writer};
 
 use super::attributes::Placed;
-use super::{FormatError, NOTE_RECORD, NOTE_USER, extra_bytes, library};
+use super::{FormatError, MAX_EXTRA_BYTES, NOTE_RECORD, NOTE_USER, extra_bytes, library};
 use crate::PointCloud;
 use crate::formats::number::Numbers;
 use crate::formats::record::{self, FULL_SCALE_NOTE, Written};
@@ -27,10 +27,11 @@ pub(in crate::formats) fn encode(cloud: &PointCloud, is_compressed: bool) -> Res
     let extra_total: usize = extra.iter().map(|column| column.numbers.number_type().bytes()).sum();
     let descriptors: Vec<u8> =
         extra.iter().flat_map(|column| extra_bytes::describe(&column.name, column.numbers.number_type())).collect();
-    if descriptors.len() > MAX_VLR_BYTES {
-        let found = format!("{} extra columns", extra.len());
-        let field = "extra bytes".into();
-        return Err(FormatError::TooMany { field, offset: 0, found, limit: MAX_VLR_BYTES / 192 });
+    // Of columns of single bytes, 341 descriptors fill their record before the bytes are too many.
+    if extra_total > usize::from(MAX_EXTRA_BYTES) || descriptors.len() > MAX_VLR_BYTES {
+        let (field, limit) = ("extra bytes".into(), MAX_EXTRA_BYTES.into());
+        let found = format!("{} columns of {extra_total} bytes", extra.len());
+        return Err(FormatError::TooMany { field, offset: 0, found, limit });
     }
     format.extra_bytes = extra_total as u16;
     format.is_compressed = is_compressed;

@@ -66,7 +66,7 @@ impl<'a> Array<'a> {
             return self.plain_columns(points);
         }
         let mut columns = record::columns(&self.header.fields, self.body, self.header.endian);
-        columns.retain(|column| !column.name.is_empty() && !column.name.starts_with("_pad"));
+        record::drop_padding(&mut columns);
         Ok(columns)
     }
 

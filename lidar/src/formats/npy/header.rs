@@ -3,6 +3,7 @@
 use super::literal::{Literal, parse};
 use super::{Endian, Field, FormatError, NumberType};
 use crate::formats::input::Input;
+use crate::formats::record;
 
 const MAGIC: [u8; 6] = *b"\x93NUMPY";
 
@@ -110,7 +111,9 @@ fn parse_descr(descr: &Literal, offset: usize) -> Result<(Vec<Field>, bool, Endi
         }
         endian = endian.or(order);
         let count = usize::try_from(shape).unwrap_or(usize::MAX).saturating_mul(count);
-        fields.push(Field { name: name.clone(), number_type, count });
+        // NumPy names padding with nothing.
+        let name = if name.is_empty() { record::PADDING.into() } else { name.clone() };
+        fields.push(Field { name, number_type, count });
     }
     Ok((fields, true, endian.unwrap_or(Endian::Little)))
 }

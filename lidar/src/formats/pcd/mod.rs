@@ -13,9 +13,6 @@ use crate::PointCloud;
 use crate::cloud::Column;
 use header::{Data, Header};
 
-/// Name of the bytes between fields, which mean nothing.
-const PADDING: &str = "_";
-
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, FormatError> {
     let header = Header::read(bytes)?;
     let points = input::check_points(header.points, "POINTS", header.points_offset, limits)?;
@@ -33,14 +30,8 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, Format
             by_field(&header.fields, &unpack(&mut body, unpacked)?, points)
         }
     };
-    let is_padding = |name: &str| name == PADDING || name.strip_prefix("__").is_some_and(is_index);
-    columns.retain(|column| !is_padding(&column.name));
+    record::drop_padding(&mut columns);
     meaning::cloud_of(columns, header.full_scale, limits)
-}
-
-/// True for the number that [`record::columns`] puts behind the name of a field of several numbers.
-fn is_index(text: &str) -> bool {
-    !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// The compressed body: both sizes, then LZF.
