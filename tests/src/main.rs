@@ -17,7 +17,7 @@ struct Demo {
     #[arg(long, default_value = "build/demo")]
     out: PathBuf,
     /// Seed of the street.
-    #[arg(long, default_value_t = 7)]
+    #[arg(long, default_value_t = 3)]
     seed: u64,
     /// Model to use.
     #[arg(long, default_value = "hdl64e")]
