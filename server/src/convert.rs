@@ -98,7 +98,8 @@ pub fn convert(conversion: &Conversion, from: &Path, to: &Path) -> Result<usize,
     if !from.is_dir() {
         let to = if to.is_dir() { to.join(from.file_name().unwrap_or_default()) } else { to.into() };
         refuse_same_place(from, &to)?;
-        convert_file(&mut pipeline, conversion, (from, &to), false)?;
+        let line = convert_file(&mut pipeline, conversion, (from, &to), false)?;
+        tracing::info!("{line}");
         return Ok(1);
     }
     refuse_same_place(from, to)?;
