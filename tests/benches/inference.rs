@@ -1,0 +1,37 @@
+//! Time of the shipped models' own run at 1024 columns, on two threads.
+
+use divan::Bencher;
+use lidar::Sensor;
+use ort::session::Session;
+use ort::value::TensorRef;
+use proto::card::tensor;
+use scene::street::{StreetConfig, street};
+use scene::{Motion, Pose, cast};
+
+const COLUMNS: usize = 1024;
+
+fn main() {
+    divan::main();
+}
+
+#[divan::bench(args = ["hdl64e", "hdl32e"])]
+fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
+    let (mut session, rings, scan) = prepare(model).expect("the model runs");
+    bencher.counter(divan::counter::ItemsCount::new(rings * COLUMNS)).bench_local(|| {
+        let scan = TensorRef::from_array_view(([1, tensor::SCAN_CHANNELS, rings, COLUMNS], scan.as_slice()));
+        let scan = scan.expect("a tensor of the scan's size");
+        session.run(ort::inputs![tensor::SCAN => scan]).expect("the model runs").len()
+    });
+}
+
+/// The model's session on two threads, its rings, and a street as its input.
+fn prepare(model: &str) -> Result<(Session, usize, Vec<f32>), Box<dyn std::error::Error>> {
+    let environment = server::runtime::environment()?;
+    let path = tests::models().join(model).join("1/model.onnx");
+    let session = Session::builder(&environment)?.with_intra_threads(2)?.commit_from_file(path)?;
+    let sensor = Sensor::builtin(model)?.with_columns(COLUMNS)?;
+    let image = cast(&street(3, &StreetConfig::default()), &sensor, &Pose::default(), &Motion::default()).image;
+    let mut scan = vec![0.0; tensor::SCAN_CHANNELS * sensor.pixels()];
+    image.write_tensor(&mut scan);
+    Ok((session, sensor.rings().len(), scan))
+}
