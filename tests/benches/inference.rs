@@ -1,4 +1,6 @@
 //! Time of the shipped models' own run at 1024 columns, on two threads.
+// A bench has nobody to hand an error to.
+#![allow(clippy::expect_used)]
 
 use divan::Bencher;
 use lidar::Sensor;

@@ -8,7 +8,7 @@ use lidar::formats::{self, Format};
 use lidar::{Projector, Sensor, picture};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
-use tests::{RunningServer, models};
+use tests::RunningServer;
 
 /// Ray cast a street, send it to the service, and show the scan before and after.
 #[derive(Debug, Parser)]
@@ -19,6 +19,9 @@ struct Demo {
     /// Seed of the street.
     #[arg(long, default_value_t = 3)]
     seed: u64,
+    /// Folder of models.
+    #[arg(long, default_value = "models")]
+    models: PathBuf,
     /// Model to use.
     #[arg(long, default_value = "hdl64e")]
     model: String,
@@ -26,7 +29,7 @@ struct Demo {
 
 fn main() -> Result<()> {
     let demo = Demo::parse();
-    let server = RunningServer::start(&models(), &["--default-model", &demo.model])?;
+    let server = RunningServer::start(&demo.models, &["--default-model", &demo.model])?;
     let client = server.client();
     let info = client.get("/info")?.json()?;
     let card = info["models"]

@@ -128,8 +128,8 @@ impl Cli {
             Command::Evaluate(args) => println!("{}", args.scores()?.to_table()),
             Command::Export(args) => {
                 let config = args.run.config()?;
-                let card = export::card(&config, &args.run.data, &args.run.scores()?)?;
-                let onnx = export::to_onnx(&best_network(&config, &args.run.run)?, &card)?;
+                let (network, card) = export::finish(&config, &args.run.run, &args.run.data, &args.run.scores()?)?;
+                let onnx = export::to_onnx(&network, &card)?;
                 println!("{}", export::publish(&args.models, &card, &onnx)?.display());
             }
             Command::Simulate(args) => {

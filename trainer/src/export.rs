@@ -5,14 +5,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use burn::tensor::{Device, Tensor};
+use lidar::Sensor;
 use lidar::label::CLASS_NAMES;
 use onnx::{Axis, Exporter};
 use proto::card::{Card, METADATA_KEY, SCHEMA, tensor};
 
 use crate::config::{DataConfig, TrainConfig};
 use crate::data::Scans;
+use crate::data::scans::classes_seen;
 use crate::evaluate::Scores;
 use crate::network::{COLUMN_MULTIPLE, UNet};
+use crate::train::best_network;
 
 /// Writes a network and its card as ONNX bytes: physical units in and out, batch and column left free.
 pub fn to_onnx(network: &UNet, card: &Card) -> Result<Vec<u8>> {
@@ -36,16 +39,22 @@ pub fn to_onnx(network: &UNet, card: &Card) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The card of a trained network.
-pub fn card(config: &TrainConfig, data_root: &Path, scores: &Scores) -> Result<Card> {
+/// The best network of a run as it goes out, and its card.
+pub fn finish(config: &TrainConfig, run: &Path, data_root: &Path, scores: &Scores) -> Result<(UNet, Card)> {
     let sensor = config.sensor()?;
-    let dataset = |data: &DataConfig| Ok(Scans::load(data_root, data, &sensor)?.dataset);
-    Ok(Card {
+    let load = |data: &DataConfig| Scans::load(data_root, data, &sensor);
+    let learned: Vec<Scans> = config.train.iter().map(load).collect::<Result<_>>()?;
+    let network = best_network(config, run)?.forget_unseen_classes(&classes_seen(&learned));
+    Ok((network, card(config, sensor, learned, scores)))
+}
+
+fn card(config: &TrainConfig, sensor: Sensor, learned: Vec<Scans>, scores: &Scores) -> Card {
+    Card {
         schema: SCHEMA,
         name: config.name.clone(),
         summary: config.summary.clone(),
         licence: config.licence.clone(),
-        trained_on: config.train.iter().map(dataset).collect::<Result<_>>()?,
+        trained_on: learned.into_iter().map(|scans| scans.dataset).collect(),
         sensor,
         column_multiple: COLUMN_MULTIPLE,
         noise_channels: 0,
@@ -53,7 +62,7 @@ pub fn card(config: &TrainConfig, data_root: &Path, scores: &Scores) -> Result<C
         effects: vec![],
         scores: scores.to_card(),
         notes: config.notes.clone(),
-    })
+    }
 }
 
 /// Publishes a model as the next version in `models/<name>/` and returns its folder; nobody ever sees it half-written.

@@ -65,8 +65,8 @@ fn it_learns_that_far_rays_are_lost_and_what_the_sensor_makes_of_reflectance() -
     assert!(scores.reflectance_mae.model < scores.reflectance_mae.pass_through, "{scores:?}");
 
     // What it learned becomes a version, then the next one.
-    let card = export::card(&config, root.path(), &scores)?;
-    let onnx = export::to_onnx(&best_network(&config, &root.path().join("run"))?, &card)?;
+    let (network, card) = export::finish(&config, &root.path().join("run"), root.path(), &scores)?;
+    let onnx = export::to_onnx(&network, &card)?;
     let models = root.path().join("models");
     assert!(export::publish(&models, &card, &onnx)?.ends_with("toy/1"));
     assert!(export::publish(&models, &card, &onnx)?.ends_with("toy/2"));
@@ -107,7 +107,8 @@ fn a_run_that_was_stopped_and_resumed_ends_in_the_same_bits() -> Fact {
         let network = config.network.init(config.sensor()?.rings().len(), &burn::tensor::Device::flex());
         let network = trainer::checkpoint::load_network(&weights, network)?;
         let scores = serde_json::from_slice(&std::fs::read(root.path().join(run).join("scores.json"))?)?;
-        Ok(export::to_onnx(&network, &export::card(&config, root.path(), &scores)?)?)
+        let (_, card) = export::finish(&config, &root.path().join(run), root.path(), &scores)?;
+        Ok(export::to_onnx(&network, &card)?)
     };
     assert!(onnx("whole")? == onnx("parts")?, "the networks differ");
     Ok(())

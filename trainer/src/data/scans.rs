@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use lidar::formats::{self, Format, Limits};
+use lidar::label::CLASSES;
 use lidar::{Projector, RangeImage, Sensor};
 use proto::card::Dataset;
 use sha2::{Digest, Sha256};
@@ -63,6 +64,16 @@ impl Scans {
         };
         Ok(Self { images, drops_observed: config.drops_observed, dataset })
     }
+}
+
+/// Which classes occur in any of these scans; "unlabelled" always does.
+pub fn classes_seen<'a>(scans: impl IntoIterator<Item = &'a Scans>) -> [bool; CLASSES] {
+    let mut seen = [false; CLASSES];
+    seen[0] = true;
+    for class in scans.into_iter().flat_map(|s| &s.images).flat_map(RangeImage::class) {
+        seen[usize::from(*class)] = true;
+    }
+    seen
 }
 
 /// The scan files of a folder, or the file itself, in the order of their names.

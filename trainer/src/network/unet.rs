@@ -127,6 +127,17 @@ impl UNet {
         }
     }
 
+    /// The same network, in which a class that training never showed is described as unlabelled instead of by its random weights.
+    #[must_use]
+    pub fn forget_unseen_classes(mut self, seen: &[bool; CLASSES]) -> Self {
+        let rows = |weight: Tensor<2>| {
+            let row = |class: usize| if seen[class] { class } else { 0 };
+            Tensor::cat((0..CLASSES).map(|class| weight.clone().slice(s![row(class)..row(class) + 1, ..])).collect(), 0)
+        };
+        self.classes.weight = self.classes.weight.map(rows);
+        self
+    }
+
     /// `[batch, 1, ring, column]` of class indices → `[batch, feature, ring, column]`.
     fn describe_classes(&self, class: Tensor<4>) -> Tensor<4> {
         let [batch, _, rings, columns] = class.dims();
@@ -189,6 +200,24 @@ mod tests {
         let difference = turn(network.forward(x.clone()).keep) - network.forward(turn(x)).keep;
         // Sums of the same numbers in the same order: only the order of blocks may differ.
         assert!(difference.abs().max().into_scalar::<f32>() < 1e-5);
+    }
+
+    #[test]
+    fn an_unseen_class_counts_as_unlabelled_and_a_seen_one_as_itself() {
+        let device = Device::flex();
+        let mut seen = [true; CLASSES];
+        seen[7] = false;
+        let network = UNetConfig::default().init(16, &device).forget_unseen_classes(&seen);
+        let keep = |class: f32| {
+            let scan = Tensor::cat(
+                vec![Tensor::<4>::full([1, 2, 16, 64], 0.5, &device), Tensor::full([1, 1, 16, 64], class, &device)],
+                1,
+            );
+            network.forward(scan).keep
+        };
+        let differs = |class: f32| (keep(class) - keep(0.0)).abs().max().into_scalar::<f32>() > 1e-6;
+        assert!(!differs(7.0));
+        assert!(differs(8.0));
     }
 
     #[test]
