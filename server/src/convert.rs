@@ -1,18 +1,17 @@
 //! Conversion of files: the service's pipeline on a file or on every scan of a folder.
 
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use axum::body::Bytes;
 use lidar::formats::{Format, Limits};
 use proto::{Frame, MediaType};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::model::Model;
-use crate::pipeline::{Pipeline, PipelineError, ScanError, ScanJob};
+use crate::pipeline::{FileJob, Pipeline, PipelineError, ScanError};
 
 /// How to convert.
 #[derive(Clone, Debug)]
@@ -130,23 +129,26 @@ fn convert_file(
 ) -> Result<String, ConvertError> {
     let format_of =
         |path: &Path| Format::from_path(path).ok_or_else(|| ConvertError::UnknownFormat { path: path.into() });
-    let (format, answer_format) = (format_of(from)?, format_of(to)?);
-    let bytes = fs::read(from).map_err(|source| ConvertError::Io { path: from.into(), source })?;
-    let seed = if in_folder { seed_of_file(conversion.seed, &bytes) } else { conversion.seed };
-    let job = ScanJob {
-        bytes: Bytes::from(bytes),
-        format,
-        answer_format,
+    let format = format_of(from)?;
+    format_of(to)?;
+    let seed = if in_folder {
+        let bytes = fs::read(from).map_err(|source| ConvertError::Io { path: from.into(), source })?;
+        seed_of_file(conversion.seed, &bytes)
+    } else {
+        conversion.seed
+    };
+    let file = FileJob {
         frame: conversion.frame.unwrap_or_else(|| MediaType::of_format(format).frame),
         seed,
         limits: conversion.limits,
     };
-    let answer = pipeline.run(&job).map_err(|source| ConvertError::Scan { path: from.into(), source })?;
-    write(to, &answer.bytes).map_err(|source| ConvertError::Io { path: to.into(), source })?;
-    if let Some(warning) = &answer.warning {
+    let folder = to.parent().unwrap_or(Path::new(""));
+    fs::create_dir_all(folder).map_err(|source| ConvertError::Io { path: folder.into(), source })?;
+    let fit = pipeline.run_file(from, to, file).map_err(|source| ConvertError::Scan { path: from.into(), source })?;
+    if let Some(warning) = &fit.warning {
         tracing::warn!("{}: {warning}", from.display());
     }
-    let (points, kept) = (answer.report.points_in, answer.kept);
+    let (points, kept) = (fit.report.points_in, fit.kept);
     Ok(format!("{} → {}: {points} points, {kept} kept, seed {seed}", from.display(), to.display()))
 }
 
@@ -175,25 +177,6 @@ fn refuse_same_place(from: &Path, to: &Path) -> Result<(), ConvertError> {
     if real(from).is_some_and(|from| real(to) == Some(from)) {
         return Err(ConvertError::SamePlace { path: from.into() });
     }
-    Ok(())
-}
-
-/// Writes a file beside its place and renames it: whoever looks sees the old file or the new one.
-fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(folder)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".realbeam-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        // As any program makes files: what the umask leaves. The default is readable by the owner alone.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_data()?;
-    file.persist(path).map_err(|error| error.error)?;
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! The way of a scan, from bytes to bytes: written here once, for the service and for conversion.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use axum::body::Bytes;
@@ -48,6 +49,26 @@ pub struct ScanJob {
 pub struct ScanAnswer {
     /// The scan, in the format that was asked for.
     pub bytes: Vec<u8>,
+    /// How the scan fitted the model.
+    pub fit: Fit,
+    /// Time by stage.
+    pub times: StageTimes,
+}
+
+/// A scan in a file to make realistic.
+#[derive(Clone, Copy, Debug)]
+pub struct FileJob {
+    /// The frame of its coordinates, and of the answer's.
+    pub frame: Frame,
+    /// What chance depends on.
+    pub seed: u64,
+    /// What the reader accepts.
+    pub limits: Limits,
+}
+
+/// How a scan fitted the model, and what became of its points.
+#[derive(Clone, Debug)]
+pub struct Fit {
     /// What became of the points on their way into the range image.
     pub report: Report,
     /// Points of the answer.
@@ -56,8 +77,6 @@ pub struct ScanAnswer {
     pub coverage: Coverage,
     /// What the sender should change so that it fits better.
     pub warning: Option<String>,
-    /// Time by stage.
-    pub times: StageTimes,
 }
 
 /// A scan that did not get through.
@@ -116,38 +135,55 @@ impl Pipeline {
     /// Makes a scan realistic. The same bytes, model and seed give the same bytes, whatever ran before.
     pub fn run(&mut self, job: &ScanJob) -> Result<ScanAnswer, ScanError> {
         let mut watch = Stopwatch::start();
+        let simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
+        let fit = self.transform(simulated, job.frame, job.seed, &mut watch)?;
+        let bytes = formats::encode(job.answer_format, &self.realistic).map_err(ScanError::Encode)?;
+        watch.lap(Stage::Encode);
+        Ok(ScanAnswer { bytes, fit, times: watch.times() })
+    }
 
-        let mut simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
-        change_frame(&mut simulated, job.frame);
+    /// Makes the scan in a file realistic, and writes it to another; labels beside a `.bin` are read and written there too.
+    pub fn run_file(&mut self, from: &Path, to: &Path, file: FileJob) -> Result<Fit, ScanError> {
+        let simulated = formats::read(from, &file.limits).map_err(ScanError::Decode)?;
+        let fit = self.transform(simulated, file.frame, file.seed, &mut Stopwatch::start())?;
+        formats::write(to, &self.realistic).map_err(ScanError::Encode)?;
+        Ok(fit)
+    }
+
+    /// The way of a scan between its decoding and its encoding; the result is `self.realistic`.
+    fn transform(
+        &mut self,
+        mut simulated: PointCloud,
+        frame: Frame,
+        seed: u64,
+        watch: &mut Stopwatch,
+    ) -> Result<Fit, ScanError> {
+        change_frame(&mut simulated, frame);
         watch.lap(Stage::Decode);
 
         self.projector.project_into(&simulated, &mut self.projection)?;
         watch.lap(Stage::Project);
 
-        self.generator.fill(&self.projection.image, job.seed);
+        self.generator.fill(&self.projection.image, seed);
         watch.lap(Stage::Tensor);
 
         let outputs = self.generator.run()?;
         watch.lap(Stage::Infer);
 
-        self.sampled.draw(&self.projection.image, &outputs, job.seed)?;
+        self.sampled.draw(&self.projection.image, &outputs, seed)?;
         watch.lap(Stage::Sample);
 
         self.projection.reconstruct_into(&simulated, self.sampled.measured(), &mut self.realistic);
-        change_frame(&mut self.realistic, job.frame);
+        change_frame(&mut self.realistic, frame);
         watch.lap(Stage::Reconstruct);
-
-        let bytes = formats::encode(job.answer_format, &self.realistic).map_err(ScanError::Encode)?;
-        watch.lap(Stage::Encode);
 
         let coverage = Coverage::of(&self.projection);
         let warning = if simulated.is_empty() { None } else { coverage.warning(&self.model.card.sensor) };
-        let (report, kept) = (self.projection.report, self.realistic.len());
-        Ok(ScanAnswer { bytes, report, kept, coverage, warning, times: watch.times() })
+        Ok(Fit { report: self.projection.report, kept: self.realistic.len(), coverage, warning })
     }
 }
 
-impl ScanAnswer {
+impl Fit {
     /// Points whose ray the sensor does not report.
     pub fn dropped(&self) -> usize {
         self.report.projected - self.kept

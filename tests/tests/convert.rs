@@ -31,6 +31,28 @@ fn a_converted_file_is_what_the_service_answers() -> Fact {
 }
 
 #[test]
+fn labels_beside_a_kitti_scan_ride_along() -> Fact {
+    let folder = tempfile::tempdir()?;
+    let mut cloud = formats::read(&data("hdl32e.bin"), &Limits::default())?;
+    cloud.label = Some((0..cloud.len() as u32).map(|i| (i << 16) + 40).collect());
+    formats::write(&folder.path().join("in.bin"), &cloud)?;
+    let output = server(
+        &["convert", "--model", "hdl32e"],
+        &[&folder.path().join("in.bin"), &folder.path().join("out/scan.bin")],
+    )?;
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let after = formats::read(&folder.path().join("out/scan.bin"), &Limits::default())?;
+    let labels = after.label.ok_or("labels beside the answer")?;
+    assert!(!labels.is_empty() && labels.len() < cloud.len());
+    for (i, label) in labels.iter().enumerate() {
+        let from = (label >> 16) as usize;
+        // The point that carries the label is the one that had it: on the same side, about as far.
+        assert!((after.y[i] - cloud.y[from]).abs() < 0.06 * cloud.range_m(from));
+    }
+    Ok(())
+}
+
+#[test]
 fn a_folder_is_converted_file_by_file_and_a_bad_one_is_named() -> Fact {
     let folder = tempfile::tempdir()?;
     let (from, to) = (folder.path().join("in"), folder.path().join("out"));

@@ -31,18 +31,18 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, wish: &Wish) ->
     let numbers = [
         ("x-realbeam-seed", wish.query.seed),
         ("x-realbeam-model-version", wish.offer.version),
-        ("x-realbeam-points-in", answer.report.points_in as u64),
-        ("x-realbeam-points-kept", answer.kept as u64),
-        ("x-realbeam-points-dropped", answer.dropped() as u64),
-        ("x-realbeam-points-lost", answer.report.lost as u64),
-        ("x-realbeam-points-invalid", answer.invalid() as u64),
-        ("x-realbeam-points-out-of-range", answer.out_of_range() as u64),
+        ("x-realbeam-points-in", answer.fit.report.points_in as u64),
+        ("x-realbeam-points-kept", answer.fit.kept as u64),
+        ("x-realbeam-points-dropped", answer.fit.dropped() as u64),
+        ("x-realbeam-points-lost", answer.fit.report.lost as u64),
+        ("x-realbeam-points-invalid", answer.fit.invalid() as u64),
+        ("x-realbeam-points-out-of-range", answer.fit.out_of_range() as u64),
     ];
     let texts = [
         ("x-realbeam-model", Some(wish.offer.model.name.clone())),
         ("x-realbeam-model-digest", Some(format!("sha256:{}", wish.offer.model.digest))),
-        ("x-realbeam-grid-coverage", Some(format!("{:.4}", answer.coverage.rings))),
-        ("x-realbeam-warning", answer.warning),
+        ("x-realbeam-grid-coverage", Some(format!("{:.4}", answer.fit.coverage.rings))),
+        ("x-realbeam-warning", answer.fit.warning),
         ("server-timing", Some(times.to_string())),
     ];
     let mut response = Response::new(Body::from(answer.bytes));
