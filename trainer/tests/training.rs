@@ -141,3 +141,14 @@ fn damaged_weights_are_an_error_and_never_a_random_network() -> Fact {
     }
     Ok(())
 }
+
+#[test]
+fn the_shipped_models_configs_are_valid_and_name_the_shipped_licences() -> Fact {
+    for (name, licence) in [("hdl64e", "CC-BY-NC-SA-3.0"), ("hdl32e", "Apache-2.0")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name).with_extension("toml");
+        let config = TrainConfig::read(&path)?;
+        assert_eq!((config.name.as_str(), config.licence.as_str()), (name, licence));
+        assert!(config.train.iter().all(|data| data.licence == licence), "{name}: no data under a stricter licence");
+    }
+    Ok(())
+}
