@@ -90,6 +90,15 @@ impl Values {
         each_type!(self, v => v.iter().map(|&value| value as f64).collect())
     }
 
+    /// Gives the column this length; values that nobody knows are 0 or, where the type has it, NaN.
+    fn fill_up(&mut self, length: usize) {
+        match self {
+            Values::F32(values) => values.resize(length, f32::NAN),
+            Values::F64(values) => values.resize(length, f64::NAN),
+            whole => each_type!(whole, v => v.resize_with(length, Default::default)),
+        }
+    }
+
     /// Sets `self` to the values of `from` at `indices`, reusing the memory where the types agree.
     fn gather(&mut self, from: &Values, indices: &[u32]) {
         macro_rules! same_type {
@@ -194,6 +203,21 @@ impl PointCloud {
             }
             self.extra[i].name.clone_from(&column.name);
             self.extra[i].values.gather(&column.values, indices);
+        }
+    }
+
+    /// Gives points that were appended by place, intensity, ring and time what nothing is known of: no label, the first return of their
+    /// pulse, and in the extra columns 0 or, for floats, NaN.
+    pub(crate) fn fill_up(&mut self) {
+        let points = self.len();
+        if let Some(label) = &mut self.label {
+            label.resize(points, 0);
+        }
+        if let Some(return_number) = &mut self.return_number {
+            return_number.resize(points, 1);
+        }
+        for column in &mut self.extra {
+            column.values.fill_up(points);
         }
     }
 

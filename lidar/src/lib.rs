@@ -13,7 +13,7 @@ mod rings;
 pub mod sensor;
 
 pub use cloud::PointCloud;
-pub use projection::{Measured, Projection, Projector};
+pub use projection::{EmptyRays, Measured, Projection, Projector};
 pub use range_image::RangeImage;
 pub use rings::RingSource;
 pub use sensor::{Ring, Sensor};

@@ -1,5 +1,6 @@
 //! Projection: a point cloud into a sensor's range image, and back.
 
+mod empty_rays;
 mod grid;
 pub mod loss;
 mod polar;
@@ -13,6 +14,7 @@ use crate::range_image::RangeImage;
 use crate::rings::{RingSource, Rings};
 use crate::sensor::Sensor;
 
+pub use empty_rays::EmptyRays;
 use grid::Grid;
 pub(crate) use polar::Polar;
 
@@ -53,6 +55,8 @@ pub struct Projection {
     /// What became of the points.
     pub report: Report,
     selected: Vec<u32>,
+    /// The number by which the cloud calls each of the sensor's rings.
+    ring_of_row: Vec<u16>,
 }
 
 /// What became of a cloud's points; `points_in` is the sum of all the other counts.
@@ -161,6 +165,7 @@ impl Projector {
         report.lost = lost;
         report.outside_view = points - placed - invalid - report.out_of_range;
         report.ring_source = ring_source;
+        self.rings.numbers_in_cloud(ring_source, &mut out.ring_of_row);
         out.report = report;
         Ok(())
     }

@@ -140,6 +140,18 @@ impl Rings {
         }
     }
 
+    /// Fills `numbers` with the number by which the cloud that was assigned last calls each of the sensor's rings: the sensor's own where
+    /// its ring field did not tell.
+    pub(crate) fn numbers_in_cloud(&self, source: RingSource, numbers: &mut Vec<u16>) {
+        numbers.clear();
+        numbers.extend(0..self.elevation_rad.len() as u16);
+        if source == RingSource::Field {
+            for (number, row) in self.map.iter().enumerate() {
+                numbers[usize::from(*row)] = number as u16;
+            }
+        }
+    }
+
     fn assign_by_elevation(&self, cloud: &PointCloud, rows: &mut [u16]) {
         let (pivot, tan_min, slots_per_unit) = (self.pivot, self.tan_min, self.slots_per_unit);
         // First each point's slot, which vectorises, then the table.

@@ -55,6 +55,11 @@ pub struct Card {
     pub column_multiple: usize,
     /// Channels of the `noise` input; 0 = the graph has no such input.
     pub noise_channels: usize,
+    /// The outputs count on every ray: where the simulated scan has no return, `keep` is the probability that the sensor reports one
+    /// all the same (rain, blooming, random returns), and `range` and `reflectance` are that return's. Where this is false, what the
+    /// graph says of such rays is nothing that a sensor reports.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub adds_returns: bool,
     /// Names of the classes, by the index that the class channel of `scan` takes.
     pub classes: Vec<String>,
     /// Sensor effects in the graph, in the order in which they act.
@@ -178,6 +183,7 @@ mod tests {
             sensor: Sensor::builtin("hdl32e")?,
             column_multiple: 8,
             noise_channels: 0,
+            adds_returns: false,
             classes: vec!["unlabelled".into()],
             effects: vec![],
             trained_on: vec![],
@@ -190,6 +196,16 @@ mod tests {
     fn a_card_survives_its_json() -> Result<(), Box<dyn std::error::Error>> {
         let card = card()?;
         assert_eq!(Card::from_json(&card.to_json())?.to_json(), card.to_json());
+        Ok(())
+    }
+
+    #[test]
+    fn a_card_that_does_not_say_so_adds_no_returns() -> Result<(), Box<dyn std::error::Error>> {
+        let silent = card()?;
+        assert!(!silent.to_json().contains("adds_returns"), "readers of older cards take it");
+        assert!(!Card::from_json(&silent.to_json())?.adds_returns);
+        let adding = Card { adds_returns: true, ..silent };
+        assert!(Card::from_json(&adding.to_json())?.adds_returns);
         Ok(())
     }
 

@@ -13,6 +13,7 @@ use lidar::label::CarlaTags;
 
 use crate::catalogue::WorkerOptions;
 use crate::convert::{self, Conversion};
+use crate::generator::{self, Chance};
 use crate::inspect;
 use crate::model::Model;
 use crate::repository::Repository;
@@ -82,6 +83,9 @@ struct Convert {
     /// own from this one and its bytes.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Noise in range and reflectance: drawn by the seed, or none. Which rays are dropped is drawn by the seed either way.
+    #[arg(long, default_value = "drawn")]
+    noise: Noise,
     /// Frame of the coordinates [default: carla for CARLA's semantic lidar, otherwise ros].
     #[arg(long)]
     frame: Option<Frame>,
@@ -118,6 +122,14 @@ enum Frame {
     Ros,
     /// x ahead, y right, z up.
     Carla,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Noise {
+    /// One of the scans that the sensor could measure.
+    Drawn,
+    /// The middle of what the sensor could measure, ray by ray.
+    Median,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -169,9 +181,13 @@ impl Convert {
             Tags::Until0913 => CarlaTags::Until0913,
             Tags::Since0914 => CarlaTags::Since0914,
         };
+        let noise = match self.noise {
+            Noise::Drawn => generator::Noise::Drawn,
+            Noise::Median => generator::Noise::Median,
+        };
         let conversion = Conversion {
             model: Arc::new(choice.read()?),
-            seed: self.seed,
+            chance: Chance { seed: self.seed, noise },
             frame: self.frame.map(|frame| match frame {
                 Frame::Ros => proto::Frame::Ros,
                 Frame::Carla => proto::Frame::Carla,

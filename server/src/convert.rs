@@ -10,6 +10,7 @@ use proto::{Frame, MediaType};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use crate::generator::Chance;
 use crate::model::Model;
 use crate::pipeline::{FileJob, Pipeline, PipelineError, ScanError};
 
@@ -18,8 +19,8 @@ use crate::pipeline::{FileJob, Pipeline, PipelineError, ScanError};
 pub struct Conversion {
     /// The model.
     pub model: Arc<Model>,
-    /// Seed of a single file; each file of a folder gets [its own](seed_of_file) from it.
-    pub seed: u64,
+    /// What is left to chance. The seed is that of a single file; each file of a folder gets [its own](seed_of_file) from it.
+    pub chance: Chance,
     /// Frame of the scans; `None` leaves it to the format: CARLA's for CARLA's semantic lidar, ours for all others.
     pub frame: Option<Frame>,
     /// What the readers accept.
@@ -133,13 +134,13 @@ fn convert_file(
     format_of(to)?;
     let seed = if in_folder {
         let bytes = fs::read(from).map_err(|source| ConvertError::Io { path: from.into(), source })?;
-        seed_of_file(conversion.seed, &bytes)
+        seed_of_file(conversion.chance.seed, &bytes)
     } else {
-        conversion.seed
+        conversion.chance.seed
     };
     let file = FileJob {
         frame: conversion.frame.unwrap_or_else(|| MediaType::of_format(format).frame),
-        seed,
+        chance: Chance { seed, ..conversion.chance },
         limits: conversion.limits,
     };
     let folder = to.parent().unwrap_or(Path::new(""));
@@ -148,8 +149,8 @@ fn convert_file(
     if let Some(warning) = &fit.warning {
         tracing::warn!("{}: {warning}", from.display());
     }
-    let (points, kept) = (fit.report.points_in, fit.kept);
-    Ok(format!("{} → {}: {points} points, {kept} kept, seed {seed}", from.display(), to.display()))
+    let (points, kept, added) = (fit.report.points_in, fit.kept, fit.added);
+    Ok(format!("{} → {}: {points} points, {kept} kept, {added} added, seed {seed}", from.display(), to.display()))
 }
 
 /// Files under a folder whose name tells a format, sorted.

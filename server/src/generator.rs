@@ -21,6 +21,25 @@ pub(crate) struct Generator {
     noise: Vec<f32>,
 }
 
+/// What goes into the graph's `noise` input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Noise {
+    /// Numbers that the seed draws: one of the scans that the sensor could measure.
+    #[default]
+    Drawn,
+    /// ½ everywhere: range and reflectance without scatter, in the middle of what the sensor could measure.
+    Median,
+}
+
+/// What a scan's answer leaves to chance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Chance {
+    /// Draws ray drop, and noise where it is drawn.
+    pub seed: u64,
+    /// Noise in range and reflectance.
+    pub noise: Noise,
+}
+
 /// What a run gave, each output `[ring, column]`.
 pub(crate) struct Outputs<'r>(SessionOutputs<'r>);
 
@@ -55,12 +74,17 @@ impl Generator {
         })
     }
 
-    /// Fills the inputs: the image into `scan`, numbers that depend on (seed, channel, ring, column) alone into `noise`. Channel 0 of
-    /// the generator decides ray drop, so noise begins with channel 1.
-    pub(crate) fn fill(&mut self, image: &RangeImage, seed: u64) {
+    /// Fills the inputs: the image into `scan`, and into `noise` ½ or numbers that depend on (seed, channel, ring, column) alone. Channel
+    /// 0 of the generator decides ray drop, so noise begins with channel 1.
+    pub(crate) fn fill(&mut self, image: &RangeImage, chance: Chance) {
         image.write_tensor(&mut self.scan);
-        for (channel, block) in (1..).zip(self.noise.chunks_mut(self.rings * self.columns)) {
-            uniform(seed, channel, self.columns, block);
+        match chance.noise {
+            Noise::Median => self.noise.fill(0.5),
+            Noise::Drawn => {
+                for (channel, block) in (1..).zip(self.noise.chunks_mut(self.rings * self.columns)) {
+                    uniform(chance.seed, channel, self.columns, block);
+                }
+            }
         }
     }
 

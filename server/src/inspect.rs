@@ -28,6 +28,9 @@ pub fn describe(model: &Model) -> String {
         elevations.join(" "),
         card.classes.join(", "),
     );
+    if card.adds_returns {
+        list(&mut text, "returns", &["also on rays where the scan has none"], ToString::to_string);
+    }
     list(&mut text, "input", &model.inputs, ToString::to_string);
     list(&mut text, "output", &model.outputs, ToString::to_string);
     list(&mut text, "effect", &card.effects, effect);

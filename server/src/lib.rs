@@ -23,6 +23,7 @@ pub mod worker;
 
 pub use catalogue::WorkerOptions;
 pub use convert::{Conversion, convert};
+pub use generator::{Chance, Noise};
 pub use model::Model;
 pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
 pub use repository::Repository;

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use axum::body::Bytes;
 use lidar::formats::{self, Format, FormatError, Limits};
 use lidar::projection::{ProjectionError, Report};
-use lidar::{PointCloud, Projection, Projector, RangeImage};
+use lidar::{EmptyRays, PointCloud, Projection, Projector, RangeImage};
 use proto::Frame;
 use thiserror::Error;
 
 use crate::coverage::Coverage;
-use crate::generator::{Generator, InferenceError};
+use crate::generator::{Chance, Generator, InferenceError};
 use crate::model::{Model, SessionError};
 use crate::sampled::{NotANumber, SampleError, Sampled};
 use crate::stopwatch::{Stage, StageTimes, Stopwatch};
@@ -38,8 +38,8 @@ pub struct ScanJob {
     pub answer_format: Format,
     /// The frame of its coordinates, and of the answer's.
     pub frame: Frame,
-    /// What chance depends on.
-    pub seed: u64,
+    /// What is left to chance.
+    pub chance: Chance,
     /// What the reader accepts.
     pub limits: Limits,
 }
@@ -60,8 +60,8 @@ pub struct ScanAnswer {
 pub struct FileJob {
     /// The frame of its coordinates, and of the answer's.
     pub frame: Frame,
-    /// What chance depends on.
-    pub seed: u64,
+    /// What is left to chance.
+    pub chance: Chance,
     /// What the reader accepts.
     pub limits: Limits,
 }
@@ -71,8 +71,10 @@ pub struct FileJob {
 pub struct Fit {
     /// What became of the points on their way into the range image.
     pub report: Report,
-    /// Points of the answer.
+    /// Points of the scan that are in the answer.
     pub kept: usize,
+    /// Points of the answer on rays where the scan has none; they follow the others.
+    pub added: usize,
     /// How the scan fits the model's sensor.
     pub coverage: Coverage,
     /// What the sender should change so that it fits better.
@@ -120,7 +122,7 @@ impl Pipeline {
     pub fn new(model: &Arc<Model>, threads: usize) -> Result<Self, PipelineError> {
         let sensor = &model.card.sensor;
         let mut generator = Generator::new(model, threads)?;
-        generator.fill(&RangeImage::empty(sensor.rings().len(), sensor.columns()), 0);
+        generator.fill(&RangeImage::empty(sensor.rings().len(), sensor.columns()), Chance::default());
         generator.run().map_err(|source| PipelineError::TrialRun { name: model.name.clone(), source })?;
         Ok(Self {
             projector: Projector::new(sensor),
@@ -132,11 +134,11 @@ impl Pipeline {
         })
     }
 
-    /// Makes a scan realistic. The same bytes, model and seed give the same bytes, whatever ran before.
+    /// Makes a scan realistic. The same bytes, model, seed and kind of noise give the same bytes, whatever ran before.
     pub fn run(&mut self, job: &ScanJob) -> Result<ScanAnswer, ScanError> {
         let mut watch = Stopwatch::start();
         let simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
-        let fit = self.transform(simulated, job.frame, job.seed, &mut watch)?;
+        let fit = self.transform(simulated, job.frame, job.chance, &mut watch)?;
         let bytes = formats::encode(job.answer_format, &self.realistic).map_err(ScanError::Encode)?;
         watch.lap(Stage::Encode);
         Ok(ScanAnswer { bytes, fit, times: watch.times() })
@@ -145,7 +147,7 @@ impl Pipeline {
     /// Makes the scan in a file realistic, and writes it to another; labels beside a `.bin` are read and written there too.
     pub fn run_file(&mut self, from: &Path, to: &Path, file: FileJob) -> Result<Fit, ScanError> {
         let simulated = formats::read(from, &file.limits).map_err(ScanError::Decode)?;
-        let fit = self.transform(simulated, file.frame, file.seed, &mut Stopwatch::start())?;
+        let fit = self.transform(simulated, file.frame, file.chance, &mut Stopwatch::start())?;
         formats::write(to, &self.realistic).map_err(ScanError::Encode)?;
         Ok(fit)
     }
@@ -155,7 +157,7 @@ impl Pipeline {
         &mut self,
         mut simulated: PointCloud,
         frame: Frame,
-        seed: u64,
+        chance: Chance,
         watch: &mut Stopwatch,
     ) -> Result<Fit, ScanError> {
         change_frame(&mut simulated, frame);
@@ -164,22 +166,30 @@ impl Pipeline {
         self.projector.project_into(&simulated, &mut self.projection)?;
         watch.lap(Stage::Project);
 
-        self.generator.fill(&self.projection.image, seed);
+        self.generator.fill(&self.projection.image, chance);
         watch.lap(Stage::Tensor);
 
         let outputs = self.generator.run()?;
         watch.lap(Stage::Infer);
 
-        self.sampled.draw(&self.projection.image, &outputs, seed)?;
+        let card = &self.model.card;
+        self.sampled.draw(&self.projection.image, &outputs, chance.seed, card.adds_returns)?;
         watch.lap(Stage::Sample);
 
         self.projection.reconstruct_into(&simulated, self.sampled.measured(), &mut self.realistic);
+        let kept = self.realistic.len();
+        let added = if card.adds_returns {
+            let empty = EmptyRays { sensor: &card.sensor, cloud: &simulated, projection: &self.projection };
+            empty.append_measured(self.sampled.measured(), &mut self.realistic)
+        } else {
+            0
+        };
         change_frame(&mut self.realistic, frame);
         watch.lap(Stage::Reconstruct);
 
         let coverage = Coverage::of(&self.projection);
-        let warning = if simulated.is_empty() { None } else { coverage.warning(&self.model.card.sensor) };
-        Ok(Fit { report: self.projection.report, kept: self.realistic.len(), coverage, warning })
+        let warning = if simulated.is_empty() { None } else { coverage.warning(&card.sensor) };
+        Ok(Fit { report: self.projection.report, kept, added, coverage, warning })
     }
 }
 

@@ -15,14 +15,14 @@ pub(crate) struct Sampled {
     scratch: Vec<f32>,
 }
 
-/// A model that gave no number for a ray that has a return.
+/// A model that gave no number for a ray whose outputs count.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("the model gave NaN for {rays} of the scan's {returns} returns")]
+#[error("the model gave NaN for {nan} of {rays} rays")]
 pub struct NotANumber {
     /// Rays with a NaN in range, reflectance or keep.
+    pub nan: usize,
+    /// Rays whose outputs count: all where the model adds returns, otherwise those that have one in the simulated scan.
     pub rays: usize,
-    /// Rays that have a return in the simulated scan.
-    pub returns: usize,
 }
 
 /// Outputs that cannot be used.
@@ -35,9 +35,16 @@ pub(crate) enum SampleError {
 }
 
 impl Sampled {
-    /// Takes the outputs over. A ray is kept if the simulated scan has a return there, u < `keep`, and the model's range is finite and
-    /// positive; its reflectance is held to 0–1. What the model says about rays without a return is ignored.
-    pub(crate) fn draw(&mut self, image: &RangeImage, outputs: &Outputs<'_>, seed: u64) -> Result<(), SampleError> {
+    /// Takes the outputs over. A ray is kept if the simulated scan has a return there or the model `adds_returns`, u < `keep`, and the
+    /// model's range is finite and positive; its reflectance is held to 0–1. What a model that adds none says about rays without a
+    /// return is ignored.
+    pub(crate) fn draw(
+        &mut self,
+        image: &RangeImage,
+        outputs: &Outputs<'_>,
+        seed: u64,
+        adds_returns: bool,
+    ) -> Result<(), SampleError> {
         let (range_m, reflectance) = (outputs.of(tensor::RANGE)?, outputs.of(tensor::REFLECTANCE)?);
         let probability = outputs.of(tensor::KEEP)?;
         ray_drop::sample(seed, image.columns(), probability, &mut self.scratch, &mut self.keep);
@@ -45,15 +52,15 @@ impl Sampled {
         self.range_m.extend_from_slice(range_m);
         self.reflectance.clear();
         self.reflectance.extend(reflectance.iter().map(|r| r.clamp(0.0, 1.0)));
-        let (mut rays, mut returns) = (0, 0);
+        let (mut nan, mut rays) = (0, 0);
         for (i, simulated_m) in image.range_m().iter().enumerate() {
-            let has_return = *simulated_m > 0.0;
-            let nan = range_m[i].is_nan() || reflectance[i].is_nan() || probability[i].is_nan();
-            returns += usize::from(has_return);
-            rays += usize::from(has_return && nan);
-            self.keep[i] &= has_return && range_m[i] > 0.0 && range_m[i].is_finite();
+            let counts = adds_returns || *simulated_m > 0.0;
+            let is_nan = range_m[i].is_nan() || reflectance[i].is_nan() || probability[i].is_nan();
+            rays += usize::from(counts);
+            nan += usize::from(counts && is_nan);
+            self.keep[i] &= counts && range_m[i] > 0.0 && range_m[i].is_finite();
         }
-        if rays > 0 { Err(NotANumber { rays, returns }.into()) } else { Ok(()) }
+        if nan > 0 { Err(NotANumber { nan, rays }.into()) } else { Ok(()) }
     }
 
     /// The rays, for reconstruction.

@@ -30,6 +30,7 @@ fn card() -> Result<Card, Box<dyn std::error::Error>> {
         sensor: lidar::Sensor::builtin("vlp16")?.with_columns(256)?,
         column_multiple: trainer::network::COLUMN_MULTIPLE,
         noise_channels: 0,
+        adds_returns: false,
         classes: vec![],
         effects: vec![],
         trained_on: vec![],

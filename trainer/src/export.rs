@@ -58,6 +58,7 @@ fn card(config: &TrainConfig, sensor: Sensor, learned: Vec<Scans>, scores: &Scor
         sensor,
         column_multiple: COLUMN_MULTIPLE,
         noise_channels: 0,
+        adds_returns: false,
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
         effects: vec![],
         scores: scores.to_card(),

@@ -17,11 +17,12 @@ use crate::stopwatch::Stage;
 /// | `x-realbeam-seed` | the seed used |
 /// | `x-realbeam-model`, `-model-version`, `-model-digest` | the model, and the SHA-256 of its file |
 /// | `x-realbeam-points-in` | points of the scan; the sum of the next five |
-/// | `x-realbeam-points-kept` | points of the answer |
+/// | `x-realbeam-points-kept` | points of the scan that are in the answer |
 /// | `x-realbeam-points-dropped` | points whose ray the sensor does not report |
 /// | `x-realbeam-points-lost` | points behind a nearer one of the same ray |
 /// | `x-realbeam-points-invalid` | points that are NaN, infinite, or at the origin |
 /// | `x-realbeam-points-out-of-range` | points out of the sensor's range or view |
+/// | `x-realbeam-points-added` | points of the answer on rays where the scan has none; they follow the others |
 /// | `x-realbeam-grid-coverage` | share of the model's rings that have a point |
 /// | `x-realbeam-warning` | what to change if the scan does not fit the model's sensor |
 /// | `Server-Timing` | milliseconds a stage |
@@ -33,6 +34,7 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, wish: &Wish) ->
         ("x-realbeam-model-version", wish.offer.version),
         ("x-realbeam-points-in", answer.fit.report.points_in as u64),
         ("x-realbeam-points-kept", answer.fit.kept as u64),
+        ("x-realbeam-points-added", answer.fit.added as u64),
         ("x-realbeam-points-dropped", answer.fit.dropped() as u64),
         ("x-realbeam-points-lost", answer.fit.report.lost as u64),
         ("x-realbeam-points-invalid", answer.fit.invalid() as u64),

@@ -4,6 +4,7 @@ use lidar::label::CarlaTags;
 use proto::{ErrorCode, Frame};
 
 use super::error::ApiError;
+use crate::generator::Noise;
 
 /// What the query says; nothing in it is obligatory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -11,6 +12,7 @@ pub(crate) struct ScanQuery {
     pub(crate) model: Option<String>,
     pub(crate) version: Option<u64>,
     pub(crate) seed: u64,
+    pub(crate) noise: Noise,
     /// `None` leaves the frame to the body's type.
     pub(crate) frame: Option<Frame>,
     /// `None` means CARLA's newest table.
@@ -18,7 +20,7 @@ pub(crate) struct ScanQuery {
 }
 
 /// Keys that a query may have.
-const KEYS: [&str; 5] = ["model", "version", "seed", "frame", "tags"];
+const KEYS: [&str; 6] = ["model", "version", "seed", "noise", "frame", "tags"];
 
 impl ScanQuery {
     /// Reads the query's pairs; a key that is unknown or comes twice is an error, so that no misspelt wish is silently ignored.
@@ -34,12 +36,21 @@ impl ScanQuery {
                 "model" => query.model = Some(value.clone()),
                 "version" => query.version = Some(value.parse().map_err(|_| wrong("a whole number"))?),
                 "seed" => query.seed = value.parse().map_err(|_| wrong("a whole number from 0 to 2^64 - 1"))?,
+                "noise" => query.noise = noise(value).ok_or_else(|| wrong("drawn or median"))?,
                 "frame" => query.frame = Some(frame(value).ok_or_else(|| wrong("carla or ros"))?),
                 "tags" => query.tags = Some(tags(value).ok_or_else(|| wrong("0.9.13 or 0.9.14"))?),
                 _ => return Err(bad(format!("query key `{key}` is unknown; there are {}", KEYS.join(", ")))),
             }
         }
         Ok(query)
+    }
+}
+
+fn noise(value: &str) -> Option<Noise> {
+    match value {
+        "drawn" => Some(Noise::Drawn),
+        "median" => Some(Noise::Median),
+        _ => None,
     }
 }
 
@@ -75,6 +86,7 @@ mod tests {
             ("model", "m"),
             ("version", "3"),
             ("seed", "18446744073709551615"),
+            ("noise", "median"),
             ("frame", "carla"),
             ("tags", "0.9.13"),
         ];
@@ -82,14 +94,19 @@ mod tests {
             model: Some("m".into()),
             version: Some(3),
             seed: u64::MAX,
+            noise: Noise::Median,
             frame: Some(Frame::Carla),
             tags: Some(CarlaTags::Until0913),
         };
         assert_eq!(parse(&all), Ok(expected));
         let message = |pairs| parse(pairs).err().unwrap_or_default();
-        assert_eq!(message(&[("sed", "1")]), "query key `sed` is unknown; there are model, version, seed, frame, tags");
+        assert_eq!(
+            message(&[("sed", "1")]),
+            "query key `sed` is unknown; there are model, version, seed, noise, frame, tags"
+        );
         assert_eq!(message(&[("seed", "1"), ("seed", "1")]), "query key `seed` is given twice");
         assert_eq!(message(&[("seed", "-1")]), "query key `seed` is `-1`, expected a whole number from 0 to 2^64 - 1");
+        assert_eq!(message(&[("noise", "none")]), "query key `noise` is `none`, expected drawn or median");
         assert_eq!(message(&[("frame", "left")]), "query key `frame` is `left`, expected carla or ros");
     }
 }

@@ -14,6 +14,7 @@ use super::error::ApiError;
 use super::query::ScanQuery;
 use super::{App, answer, body};
 use crate::catalogue::Offer;
+use crate::generator::Chance;
 use crate::pipeline::ScanJob;
 
 /// What the head of a request asks for.
@@ -43,7 +44,7 @@ pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Resul
         format: wish.content.format,
         answer_format: wish.accepted.format,
         frame: wish.query.frame.unwrap_or(wish.content.frame),
-        seed: wish.query.seed,
+        chance: Chance { seed: wish.query.seed, noise: wish.query.noise },
         limits: Limits { max_points: app.max_points, carla_tags: wish.query.tags.unwrap_or(CarlaTags::Since0914) },
     };
     let done = app.catalogue.pool(&wish.offer).await?.run(job).await?;

@@ -8,6 +8,10 @@ models/passthrough/2    16 rings, dynamic columns, one noise channel: range + 0.
                         keep = min(1, 0.9 + 0.1 * class), so that labelled rays always stay
 models/hdl64e/1         as passthrough/2, 64 rings and 2048 columns
 models/nan/1            as passthrough/2, with a range of NaN
+models/nan/2            the same, and its card says that it adds returns
+models/ghosts/1         16 rings: gives the scan back as it is; where it has no return, keep = 0.25, range = 20 m + 10 m * noise and
+                        reflectance = 0.3; its card says that it adds returns
+models/ghosts/2         the same graph, but its card does not say so
 models/unruly/1         16 rings: a quarter of the ranges each is negative, infinite, as it was, and halved; reflectance runs from
                         -1 to 2; keep = 2
 refused/*.onnx          one broken promise each, named after it
@@ -21,8 +25,8 @@ from onnx import TensorProto, helper
 HERE = pathlib.Path(__file__).parent
 
 
-def card(name, elevation_deg, columns, noise_channels):
-    return {
+def card(name, elevation_deg, columns, noise_channels, adds_returns=False):
+    return ({"adds_returns": True} if adds_returns else {}) | {
         "schema": 1,
         "name": name,
         "summary": "Element-wise stand-in for tests",
@@ -45,7 +49,7 @@ def constant(name, value):
     return helper.make_tensor(name, TensorProto.FLOAT, [], [value])
 
 
-def model(card, identity=False, nan=False, unruly=False, rings=None, columns="column", with_card=True, external=False):
+def model(card, identity=False, nan=False, unruly=False, ghosts=False, rings=None, columns="column", with_card=True, external=False):
     rings = rings or len(card["sensor"]["elevation_deg"])
     info = lambda name, channels: helper.make_tensor_value_info(
         name, TensorProto.FLOAT, ["batch", channels, rings, columns])
@@ -58,6 +62,15 @@ def model(card, identity=False, nan=False, unruly=False, rings=None, columns="co
             node("Identity", ["reflectance_in"], ["reflectance"]),
             node("Greater", ["range_in", "zero"], ["seen"]),
             node("Cast", ["seen"], ["keep"], to=TensorProto.FLOAT),
+        ]
+    elif ghosts:
+        nodes += [
+            node("Greater", ["range_in", "zero"], ["seen"]),
+            node("Mul", ["noise", "ten"], ["spread"]),
+            node("Add", ["spread", "twenty"], ["ghost"]),
+            node("Where", ["seen", "range_in", "ghost"], ["range"]),
+            node("Where", ["seen", "reflectance_in", "three_tenths"], ["reflectance"]),
+            node("Where", ["seen", "one", "quarter"], ["keep"]),
         ]
     elif unruly:
         nodes += [
@@ -83,6 +96,9 @@ def model(card, identity=False, nan=False, unruly=False, rings=None, columns="co
                     [("zero", 0.0), ("centimetre", 0.01), ("share", 0.8), ("tenth", 0.1), ("base", 0.9), ("one", 1.0),
                      ("two", 2.0), ("three", 3.0), ("four", 4.0),
                      ("not_a_number", float("nan"))]]
+    if ghosts:
+        initializers += [constant(*pair) for pair in
+                         [("quarter", 0.25), ("three_tenths", 0.3), ("ten", 10.0), ("twenty", 20.0)]]
     if external:
         tensor = TensorProto(name="elsewhere", data_type=TensorProto.FLOAT, dims=[4])
         tensor.data_location = TensorProto.EXTERNAL
@@ -112,6 +128,9 @@ write(model(exact, identity=True, columns=360), "models/passthrough/1/model.onnx
 write(model(noisy), "models/passthrough/2/model.onnx")
 write(model(card("hdl64e", rings64, 2048, 1)), "models/hdl64e/1/model.onnx")
 write(model(card("nan", rings16, 360, 1), nan=True), "models/nan/1/model.onnx")
+write(model(card("nan", rings16, 360, 1, adds_returns=True), nan=True), "models/nan/2/model.onnx")
+write(model(card("ghosts", rings16, 360, 1, adds_returns=True), ghosts=True), "models/ghosts/1/model.onnx")
+write(model(card("ghosts", rings16, 360, 1), ghosts=True), "models/ghosts/2/model.onnx")
 write(model(card("unruly", rings16, 360, 1), unruly=True), "models/unruly/1/model.onnx")
 write(model(noisy, with_card=False), "refused/no-card.onnx")
 write(model(noisy, rings=15), "refused/fifteen-rings.onnx")

@@ -72,6 +72,25 @@ fn the_seed_is_zero_unless_given_and_noise_moves_points_along_their_rays() -> Re
 }
 
 #[test]
+fn without_noise_the_same_rays_are_dropped_and_the_others_lie_in_the_middle() -> Result {
+    let service = Service::start()?;
+    let ask = |query: &str| -> Result<lidar::PointCloud> {
+        let answer = service.scan(query, &[("accept", "model/x-ply")], &bin()?)?.success()?;
+        Ok(formats::decode(Format::Ply, &answer, &formats::Limits::default())?)
+    };
+    let (drawn, median) = (ask("?seed=7")?, ask("?seed=7&noise=median")?);
+    assert!(ask("?seed=7&noise=drawn")? == drawn);
+    assert_eq!(drawn.len(), median.len());
+    assert!(median.len() < scan().len(), "ray drop is drawn all the same");
+    assert!(ask("?seed=8&noise=median")?.x != median.x);
+    // Drawn noise is up to 1 cm, its middle half of that; 1e-5 m is the rounding of 45 m in single precision.
+    let apart_m = (0..drawn.len()).map(|i| drawn.range_m(i) - median.range_m(i));
+    assert!(apart_m.clone().all(|m| m.abs() < 0.005 + 1e-5), "the same rays");
+    assert!(apart_m.map(f32::abs).sum::<f32>() > 0.002 * drawn.len() as f32, "and not the same noise");
+    Ok(())
+}
+
+#[test]
 fn what_a_model_gets_wrong_does_not_reach_the_answer() -> Result {
     let answer = Service::start()?.scan("?model=unruly", &[], &bin()?)?.success()?;
     let (sent, got) = (scan(), formats::decode(Format::Kitti, &answer, &formats::Limits::default())?);

@@ -6,13 +6,14 @@ use std::sync::Arc;
 
 use lidar::formats::{self, Format, Limits};
 use server::convert::{ConvertError, seed_of_file};
-use server::{Conversion, Model, convert};
+use server::{Chance, Conversion, Model, Noise, convert};
 
 use crate::support::{Result, Service, bin, data, scan};
 
 fn conversion() -> Result<Conversion> {
     let model = Model::read(&data().join("models/passthrough/2/model.onnx"))?;
-    Ok(Conversion { model: Arc::new(model), seed: 5, frame: None, limits: Limits::default(), threads: 1 })
+    let chance = Chance { seed: 5, noise: Noise::Drawn };
+    Ok(Conversion { model: Arc::new(model), chance, frame: None, limits: Limits::default(), threads: 1 })
 }
 
 /// Two scans as `.bin`, one below the other.
@@ -33,6 +34,9 @@ fn a_file_converts_to_the_services_answer() -> Result {
     let (from, to) = (folder.path().join("000000.bin"), folder.path().join("out/000000.bin"));
     assert_eq!(convert(&conversion()?, &from, &to)?, 1);
     assert!(fs::read(&to)? == service.scan("?seed=5", &[], &first)?.success()?);
+    let median = Conversion { chance: Chance { seed: 5, noise: Noise::Median }, ..conversion()? };
+    convert(&median, &from, &to)?;
+    assert!(fs::read(&to)? == service.scan("?seed=5&noise=median", &[], &first)?.success()?);
     let to = folder.path().join("out/000000.npy");
     convert(&conversion()?, &from, &to)?;
     let answer = service.scan("?seed=5", &[("accept", "application/x-npy")], &first)?;

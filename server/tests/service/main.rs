@@ -1,5 +1,6 @@
 //! The service as its users meet it: over HTTP, on files, from the command line. Needs ONNX Runtime (scripts/fetch-onnxruntime.sh).
 
+mod added;
 mod answers;
 mod command_line;
 mod conversion;

@@ -13,8 +13,8 @@ fn info_lists_the_rings_to_simulate() -> Result {
     assert_eq!(info["default_model"], "passthrough");
     assert_eq!(info["media_types"][0]["name"], "application/octet-stream");
     let names: Vec<_> = info["models"].as_array().into_iter().flatten().map(|m| m["name"].clone()).collect();
-    assert_eq!(names, ["hdl64e", "nan", "passthrough", "unruly"]);
-    let model = &info["models"][2];
+    assert_eq!(names, ["ghosts", "hdl64e", "nan", "passthrough", "unruly"]);
+    let model = &info["models"][3];
     assert_eq!((&model["version"], &model["versions"]), (&2.into(), &serde_json::json!([1, 2])));
     let sensor = &model["card"]["sensor"];
     assert_eq!(sensor["columns"], 360);
