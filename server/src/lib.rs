@@ -2,7 +2,7 @@
 //!
 //! A scan's way is written once, in [`pipeline`]. [`serve`](serve()) runs it behind HTTP on worker threads that own their session,
 //! [`convert`](convert()) runs it on files; both read models from a [`repository`], where one model is one ONNX file that carries its
-//! own card. Finding ONNX Runtime itself is the matter of [`runtime`].
+//! own card. Finding ONNX Runtime itself is the matter of the crate [`runtime`].
 
 pub mod catalogue;
 pub mod cli;
@@ -15,7 +15,6 @@ pub mod model;
 pub mod onnx_file;
 pub mod pipeline;
 pub mod repository;
-pub mod runtime;
 mod sampled;
 pub mod serve;
 pub mod stopwatch;

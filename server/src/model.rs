@@ -5,13 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use ort::session::Session;
-use ort::session::builder::GraphOptimizationLevel;
 use proto::card::{self, Card, tensor};
+use runtime::RuntimeError;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::onnx_file::{Axis, OnnxFile, OnnxFileError, Tensor};
-use crate::runtime::{self, RuntimeError};
 
 /// A model whose file is whole, has a card, and whose graph's inputs and outputs are what the card promises.
 #[derive(Clone, Debug)]
@@ -115,18 +114,8 @@ impl Model {
     /// Loads the model into ONNX Runtime, with `threads` threads within an operator.
     pub fn session(&self, threads: usize) -> Result<Session, SessionError> {
         let environment = runtime::environment()?;
-        let load = || -> ort::Result<Session> {
-            // Threads that spin while they wait would win a little on an idle machine, and take the cores from the simulator beside us
-            // and from our own stages on a busy one: 122 against 79 ms an answer, two cores at load 4, 64 × 2048 U-Net.
-            Session::builder(&environment)?
-                .with_optimization_level(GraphOptimizationLevel::Level3)?
-                .with_intra_threads(threads)?
-                .with_flush_to_zero()?
-                .with_intra_op_spinning(false)?
-                .with_deterministic_compute(true)?
-                .commit_from_memory(&self.bytes)
-        };
-        load().map_err(|source| SessionError::Load { name: self.name.clone(), source })
+        runtime::open(&environment, &self.bytes, threads)
+            .map_err(|source| SessionError::Load { name: self.name.clone(), source })
     }
 }
 

@@ -28,7 +28,7 @@ fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
 
 /// The model's session on two threads, its rings, and a street as its input.
 fn prepare(model: &str) -> Result<(Session, usize, Vec<f32>), Box<dyn std::error::Error>> {
-    let environment = server::runtime::environment()?;
+    let environment = runtime::environment()?;
     let path = tests::models().join(model).join("1/model.onnx");
     let session = Session::builder(&environment)?.with_intra_threads(2)?.commit_from_file(path)?;
     let sensor = Sensor::builtin(model)?.with_columns(COLUMNS)?;

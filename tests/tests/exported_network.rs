@@ -45,7 +45,7 @@ fn onnx_runtime_agrees_with_burn_at_any_batch_and_width() -> Fact {
     device.seed(5);
     let network = UNetConfig { channels: [16, 16, 32, 32] }.init(16, &device).map(&mut Scramble);
     let onnx = trainer::export::to_onnx(&network, &card()?)?;
-    let environment = server::runtime::environment()?;
+    let environment = runtime::environment()?;
     let mut session = Session::builder(&environment)?.commit_from_memory(&onnx)?;
     for (batch, columns) in [(1, 256), (3, 128), (2, 40), (1, 1000)] {
         let uniform = |top: f64| Tensor::<4>::random([batch, 1, 16, columns], Distribution::Uniform(0.0, top), &device);

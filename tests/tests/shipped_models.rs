@@ -8,7 +8,7 @@ type Fact = Result<(), Box<dyn std::error::Error>>;
 #[test]
 fn every_shipped_model_has_a_card_and_beats_the_pass_through_on_held_out_scans() -> Fact {
     let repository = server::Repository::new(models());
-    server::runtime::environment()?;
+    runtime::environment()?;
     for (name, licence) in [("hdl64e", "CC-BY-NC-SA-3.0"), ("hdl32e", "Apache-2.0")] {
         let bytes = std::fs::metadata(models().join(name).join("1/model.onnx"))?.len();
         assert!(bytes < 10_000_000, "{name} has {bytes} bytes");

@@ -1,7 +1,6 @@
 //! ONNX Runtime, as a function from a file and its inputs to its outputs.
 
-use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::path::Path;
 
 use burn::tensor::{DType, TensorData};
 use ort::environment::Environment;
@@ -9,35 +8,14 @@ use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{Session, SessionInputValue};
 use ort::value::{Tensor, TensorElementType};
 
-/// `ORT_DYLIB_PATH`, or the library beside the test executable, or one directory up, where `target/release` is.
-fn library() -> PathBuf {
-    if let Some(path) = std::env::var_os("ORT_DYLIB_PATH") {
-        return path.into();
-    }
-    let executable = std::env::current_exe().unwrap();
-    let found =
-        executable.ancestors().skip(1).take(2).map(|dir| dir.join("libonnxruntime.so")).find(|path| path.exists());
-    found.unwrap_or_else(|| {
-        panic!("no libonnxruntime.so beside {} or above it: run scripts/fetch-onnxruntime.sh", executable.display())
-    })
-}
-
-fn environment() -> &'static Environment {
-    static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
-    ENVIRONMENT.get_or_init(|| {
-        let library = library();
-        let loaded = ort::environment::init_from(&library);
-        let builder = loaded.unwrap_or_else(|error| {
-            panic!("{} is no ONNX Runtime ({error}): run scripts/fetch-onnxruntime.sh", library.display())
-        });
-        builder.build().unwrap()
-    })
+fn environment() -> Environment {
+    ::runtime::environment().unwrap()
 }
 
 /// Runs a file; inputs and outputs in the graph's order.
 pub(crate) fn run(file: &[u8], inputs: &[TensorData]) -> Vec<TensorData> {
     let mut session =
-        Session::builder(environment()).unwrap().with_intra_threads(1).unwrap().commit_from_memory(file).unwrap();
+        Session::builder(&environment()).unwrap().with_intra_threads(1).unwrap().commit_from_memory(file).unwrap();
     let names: Vec<String> = session.inputs().iter().map(|input| input.name().to_owned()).collect();
     let values: Vec<(String, SessionInputValue<'_>)> = names.into_iter().zip(inputs.iter().map(value)).collect();
     let outputs = session.run(values).unwrap();
@@ -47,7 +25,7 @@ pub(crate) fn run(file: &[u8], inputs: &[TensorData]) -> Vec<TensorData> {
 /// Writes the file as ONNX Runtime would execute it, after its optimisations that hold on every machine.
 pub(crate) fn optimise(file: &[u8], to: &Path) {
     let builder =
-        Session::builder(environment()).unwrap().with_optimization_level(GraphOptimizationLevel::Level2).unwrap();
+        Session::builder(&environment()).unwrap().with_optimization_level(GraphOptimizationLevel::Level2).unwrap();
     builder.with_optimized_model_path(to).unwrap().commit_from_memory(file).unwrap();
 }
 
@@ -80,7 +58,7 @@ fn data(value: &ort::value::DynValue) -> TensorData {
 
 /// Inputs and outputs as ONNX Runtime reads them, for example `scan: f32 [batch, 3, 64, column]`.
 pub(crate) fn describe(file: &[u8]) -> Vec<String> {
-    let session = Session::builder(environment()).unwrap().commit_from_memory(file).unwrap();
+    let session = Session::builder(&environment()).unwrap().commit_from_memory(file).unwrap();
     let one = |outlet: &ort::value::Outlet| {
         let ort::value::ValueType::Tensor { ty, shape, dimension_symbols } = outlet.dtype() else {
             panic!("no tensor")
@@ -97,6 +75,6 @@ pub(crate) fn describe(file: &[u8]) -> Vec<String> {
 
 /// A metadata property of a file.
 pub(crate) fn metadata(file: &[u8], key: &str) -> Option<String> {
-    let session = Session::builder(environment()).unwrap().commit_from_memory(file).unwrap();
+    let session = Session::builder(&environment()).unwrap().commit_from_memory(file).unwrap();
     session.metadata().unwrap().custom(key)
 }

@@ -1,9 +1,13 @@
-//! ONNX Runtime: finding its library, loading it once, saying how to get it where it is missing.
+//! ONNX Runtime: finding its library, loading it once, saying how to get it where it is missing, and opening a model.
+//!
+//! The service and the trainer run models through this crate, so that both get the same numbers from the same file.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use ort::environment::Environment;
+use ort::session::Session;
+use ort::session::builder::GraphOptimizationLevel;
 use thiserror::Error;
 
 /// Environment variable that names the library; nothing else is looked at where it is set.
@@ -57,6 +61,19 @@ pub fn environment() -> Result<Environment, RuntimeError> {
     let builder = ort::init_from(&library).map_err(|source| RuntimeError::Load { source })?;
     let environment = builder.with_name("realbeam").with_telemetry(false).build()?;
     Ok(loaded.insert(environment).clone())
+}
+
+/// Opens a model, given as the bytes of its file, with `threads` threads within an operator.
+pub fn open(environment: &Environment, onnx: &[u8], threads: usize) -> ort::Result<Session> {
+    // Threads that spin while they wait would win a little on an idle machine, and take the cores from the simulator beside us and
+    // from our own stages on a busy one: 122 against 79 ms an answer, two cores at load 4, 64 × 2048 U-Net.
+    Session::builder(environment)?
+        .with_optimization_level(GraphOptimizationLevel::Level3)?
+        .with_intra_threads(threads)?
+        .with_flush_to_zero()?
+        .with_intra_op_spinning(false)?
+        .with_deterministic_compute(true)?
+        .commit_from_memory(onnx)
 }
 
 /// Where the library lies, given the variable's value and the executable's path.
