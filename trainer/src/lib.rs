@@ -1,8 +1,10 @@
 //! Learns what a real sensor makes of a scan: networks, losses, training, evaluation, export.
 
 pub mod checkpoint;
+pub mod closed_loop;
 pub mod config;
 pub mod data;
+pub mod effects;
 pub mod evaluate;
 pub mod export;
 pub mod loss;

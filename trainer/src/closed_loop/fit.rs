@@ -1,0 +1,268 @@
+//! Fits the parameters of some terms of a model by maximum likelihood, the others held.
+
+use std::ops::Range;
+
+use burn::tensor::{Device, Tensor, s};
+use rayon::prelude::*;
+
+use super::data::Batch;
+use super::likelihood;
+use super::model::{SensorModel, Term};
+use super::newton::{Groups, Minimum, Objective};
+use crate::effects::{ActsOn, Image};
+
+/// Widths by which the normals are widened, one fit after the other: far-off starts find their way, the last fit is exact.
+const SOFTENED: [f64; 3] = [0.3, 0.06, 0.0];
+
+/// Nats that a step has to promise to be worth taking.
+const TOLERANCE: f64 = 0.02;
+
+/// A term, and which of its numbers are free.
+#[derive(Clone, Debug)]
+pub struct Free {
+    /// The term, where the fit starts.
+    pub term: Term,
+    /// The parameters that are free, by number.
+    pub parameters: Vec<usize>,
+}
+
+/// Log-likelihoods of one frame in nats, summed over its rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Score {
+    /// Of the ranges.
+    pub range: f64,
+    /// Of the reflectances.
+    pub reflectance: f64,
+    /// Of return or no return.
+    pub returns: f64,
+}
+
+/// A fit's end.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The terms that were free, with the values found, in their order.
+    pub terms: Vec<Term>,
+    /// Log-likelihood in nats, of the likelihoods that the free terms act on.
+    pub log_likelihood: f64,
+    minimum: Minimum,
+    free: Vec<Free>,
+}
+
+impl Score {
+    /// Sum of the likelihoods that something acts on.
+    pub fn of(&self, acts_on: ActsOn) -> f64 {
+        let part = |on: bool, x: f64| if on { x } else { 0.0 };
+        part(acts_on.range, self.range)
+            + part(acts_on.reflectance, self.reflectance)
+            + part(acts_on.returns, self.returns)
+    }
+
+    /// All of it.
+    pub fn total(&self) -> f64 {
+        self.of(ActsOn::ALL)
+    }
+}
+
+impl Free {
+    /// All numbers of a term.
+    pub fn all(term: Term) -> Self {
+        let parameters = (0..term.parameters.len()).collect();
+        Self { term, parameters }
+    }
+
+    /// The numbers of the noise floor that belong to these likelihoods.
+    pub fn noise(term: Term, acts_on: ActsOn) -> Self {
+        let belongs = |i: &usize| match i {
+            0 | 3 => acts_on.range,
+            1 | 4 => acts_on.reflectance,
+            _ => acts_on.returns,
+        };
+        let parameters = (0..term.parameters.len()).filter(belongs).collect();
+        Self { term, parameters }
+    }
+
+    fn ranges(&self) -> Vec<Range<usize>> {
+        let layout = self.term.layout();
+        self.parameters.iter().map(|i| layout[*i].1.clone()).collect()
+    }
+}
+
+/// Log-likelihood of each frame under a model, in the order of the batches.
+pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
+    let of = |batch: &&Batch| {
+        let image = model.forward(batch.image.clone());
+        let range = per_frame(&likelihood::range(&image, &batch.observed, 0.0));
+        let reflectance = per_frame(&likelihood::reflectance(&image, &batch.observed, 0.0));
+        let returns = per_frame(&likelihood::returns(&image, &batch.observed));
+        (0..range.len())
+            .map(|i| Score { range: range[i], reflectance: reflectance[i], returns: returns[i] })
+            .collect::<Vec<_>>()
+    };
+    batches.par_iter().map(of).collect::<Vec<_>>().concat()
+}
+
+/// Fits the free terms. A free term that the model has is refitted (it is known by its name); any other is added to it.
+pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch]) -> Fitted {
+    let problem = Problem::new(model, free, acts_on, batches);
+    let groups = Groups::new(free.iter().flat_map(Free::ranges).map(|r| r.len()));
+    let mut x: Vec<f64> =
+        free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect();
+    let mut minimum = None;
+    for soften in SOFTENED {
+        let last = soften == 0.0;
+        if !last && !(acts_on.range || acts_on.reflectance) {
+            continue;
+        }
+        let objective = Softened { problem: &problem, soften };
+        let found = groups.minimise(&objective, &x, if last { 12 } else { 3 }, if last { TOLERANCE } else { 1.0 });
+        x.clone_from(&found.x);
+        minimum = Some(found);
+    }
+    let minimum = minimum.unwrap_or_else(|| unreachable!("the last width is always fitted"));
+    let terms = problem.terms(&minimum.x);
+    Fitted { terms, log_likelihood: -minimum.value, minimum, free: free.to_vec() }
+}
+
+impl Fitted {
+    /// Standard errors of every number of the free terms, in a fit's units; 0 for numbers that were held.
+    pub fn stderr(&self) -> Vec<Vec<f64>> {
+        let found = self.minimum.stderr();
+        let mut next = found.iter();
+        self.free
+            .iter()
+            .map(|free| {
+                let mut of = vec![0.0; free.term.fitted.len()];
+                for i in free.ranges().into_iter().flatten() {
+                    of[i] = *next.next().unwrap_or_else(|| unreachable!("one error a number"));
+                }
+                of
+            })
+            .collect()
+    }
+}
+
+/// What is fitted to what; everything that does not change is worked out once.
+struct Problem<'a> {
+    held_last: Vec<&'a Term>,
+    free: &'a [Free],
+    acts_on: ActsOn,
+    batches: Vec<Prepared<'a>>,
+    device: Device,
+}
+
+struct Prepared<'a> {
+    batch: &'a Batch,
+    image: Image,
+}
+
+struct Softened<'a> {
+    problem: &'a Problem<'a>,
+    soften: f64,
+}
+
+impl<'a> Problem<'a> {
+    fn new(model: &'a SensorModel, free: &'a [Free], acts_on: ActsOn, batches: &[&'a Batch]) -> Self {
+        let is_free = |term: &&Term| free.iter().any(|f| f.term.name() == term.name());
+        let held: Vec<&Term> = model.terms.iter().filter(|t| !is_free(t)).collect();
+        let (moving, other): (Vec<&Term>, Vec<&Term>) = held.into_iter().partition(|t| t.is_geometric());
+        let moves = free.iter().any(|f| f.term.is_geometric());
+        let prepare = |batch: &&'a Batch| {
+            let image = moving.iter().fold(batch.image.clone(), |image, term| term.forward(image));
+            let image =
+                if moves { image } else { other.iter().fold(image.resample(), |image, term| term.forward(image)) };
+            Prepared { batch: *batch, image }
+        };
+        Self {
+            batches: batches.par_iter().map(prepare).collect(),
+            held_last: if moves { other } else { vec![] },
+            free,
+            acts_on,
+            device: batches.first().map_or_else(Device::flex, |b| b.image.device()),
+        }
+    }
+
+    fn terms(&self, x: &[f64]) -> Vec<Term> {
+        let mut next = x.iter();
+        let fill = |free: &Free| {
+            let mut term = free.term.clone();
+            for i in free.ranges().into_iter().flatten() {
+                term.fitted[i] = *next.next().unwrap_or_else(|| unreachable!("as many numbers as are free"));
+            }
+            term
+        };
+        self.free.iter().map(fill).collect()
+    }
+
+    /// The image with the free terms at these numbers, `fitted` being a tensor a term.
+    fn image(&self, prepared: &Prepared<'_>, fitted: &[Tensor<1>]) -> Image {
+        let act = |image: Image, (free, fitted): (&Free, &Tensor<1>)| {
+            free.term.effect.forward(&free.term.values(fitted), image)
+        };
+        let with =
+            |geometric: bool| self.free.iter().zip(fitted).filter(move |(f, _)| f.term.is_geometric() == geometric);
+        let image = with(true).fold(prepared.image.clone(), act).resample();
+        let image = self.held_last.iter().fold(image, |image, term| term.forward(image));
+        with(false).fold(image, act)
+    }
+
+    /// Negative log-likelihood of a batch and its gradient.
+    fn of_batch(&self, prepared: &Prepared<'_>, x: &[f64], soften: f64) -> (f64, Vec<f64>) {
+        let x: Vec<f32> = x.iter().map(|x| *x as f32).collect();
+        let x = Tensor::<1>::from_floats(x.as_slice(), &self.device).require_grad();
+        let mut from = 0;
+        let mut fitted = Vec::with_capacity(self.free.len());
+        for free in self.free {
+            let mut parts = Vec::new();
+            for (i, (_, range)) in free.term.layout().into_iter().enumerate() {
+                if free.parameters.contains(&i) {
+                    let n = range.len();
+                    parts.push(x.clone().slice(s![from..from + n as i64]));
+                    from += n as i64;
+                } else {
+                    let held: Vec<f32> = free.term.fitted[range].iter().map(|x| *x as f32).collect();
+                    parts.push(Tensor::from_floats(held.as_slice(), &self.device));
+                }
+            }
+            fitted.push(Tensor::cat(parts, 0));
+        }
+        let image = self.image(prepared, &fitted);
+        let observed = &prepared.batch.observed;
+        let mut parts = Vec::new();
+        if self.acts_on.range {
+            parts.push(likelihood::range(&image, observed, soften));
+        }
+        if self.acts_on.reflectance {
+            parts.push(likelihood::reflectance(&image, observed, soften));
+        }
+        if self.acts_on.returns {
+            parts.push(likelihood::returns(&image, observed));
+        }
+        let Some(total) = parts.into_iter().reduce(|a, b| a + b) else { return (0.0, vec![0.0; x.dims()[0]]) };
+        let value: f64 = per_frame(&total.clone().detach()).iter().sum();
+        let gradients = total.sum().backward();
+        let gradient = x
+            .grad(&gradients)
+            .map_or_else(|| vec![0.0; x.dims()[0]], |g| g.into_data().iter::<f64>().map(|g| -g).collect());
+        (-value, gradient)
+    }
+}
+
+impl Objective for Softened<'_> {
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        let parts: Vec<(f64, Vec<f64>)> =
+            self.problem.batches.par_iter().map(|batch| self.problem.of_batch(batch, x, self.soften)).collect();
+        let mut sum = (0.0, vec![0.0; x.len()]);
+        for (value, gradient) in parts {
+            sum.0 += value;
+            sum.1.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+        }
+        sum
+    }
+}
+
+/// Sums over rays, frame by frame; rows in the tensor's precision, their sum in double.
+fn per_frame(nats: &Tensor<3>) -> Vec<f64> {
+    let [_, rings, _] = nats.dims();
+    let rows: Vec<f64> = nats.clone().sum_dim(2).into_data().iter::<f64>().collect();
+    rows.chunks(rings).map(|rows| rows.iter().sum()).collect()
+}

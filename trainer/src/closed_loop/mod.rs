@@ -1,0 +1,7 @@
+//! The closed loop: finds what a sensor does that its model lacks, traces it to an effect, adds it, and says what that was worth.
+
+pub mod data;
+pub mod fit;
+pub mod likelihood;
+pub mod model;
+pub mod newton;

@@ -1,0 +1,145 @@
+//! Newton's method with second derivatives from differences of automatic gradients.
+//!
+//! Parameters come in groups: numbers within a group do not interact (a ring's offset has no say in another ring's pixels), so one
+//! difference along a whole group gives a column of the Hessian for each of them at once: as many gradients as groups, not as numbers.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// Step of the differences, in units in which parameters have a size of about 1.
+const STEP: f64 = 0.02;
+
+/// A function and its gradient.
+pub trait Objective {
+    /// Value and gradient at `x`.
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
+}
+
+/// Where a search ended.
+#[derive(Clone, Debug)]
+pub struct Minimum {
+    /// The place.
+    pub x: Vec<f64>,
+    /// The value.
+    pub value: f64,
+    /// The Hessian.
+    pub hessian: DMatrix<f64>,
+}
+
+/// Numbers of `x` that a group holds, and to what a Hessian entry between two numbers may be other than 0.
+#[derive(Clone, Debug)]
+pub struct Groups(Vec<std::ops::Range<usize>>);
+
+impl Groups {
+    /// Groups of these lengths, one after the other.
+    pub fn new(lengths: impl IntoIterator<Item = usize>) -> Self {
+        let mut from = 0;
+        Self(
+            lengths
+                .into_iter()
+                .map(|n| {
+                    from += n;
+                    from - n..from
+                })
+                .collect(),
+        )
+    }
+
+    /// The Hessian at `x`, where the gradient is `gradient`.
+    pub fn hessian(&self, objective: &dyn Objective, x: &[f64], gradient: &[f64]) -> DMatrix<f64> {
+        let n = x.len();
+        let mut hessian = DMatrix::zeros(n, n);
+        let differences: Vec<Vec<f64>> = self
+            .0
+            .iter()
+            .map(|group| {
+                let mut moved = x.to_vec();
+                moved[group.clone()].iter_mut().for_each(|x| *x += STEP);
+                let (_, there) = objective.evaluate(&moved);
+                there.iter().zip(gradient).map(|(there, here)| (there - here) / STEP).collect()
+            })
+            .collect();
+        for (a, d) in self.0.iter().zip(&differences) {
+            for b in &self.0 {
+                if a.len() == 1 {
+                    for j in b.clone() {
+                        hessian[(a.start, j)] = d[j];
+                    }
+                } else if b.len() == 1 {
+                    // Its column was found when the single number moved.
+                } else {
+                    for (i, j) in a.clone().zip(b.clone()) {
+                        hessian[(j, i)] = d[j];
+                    }
+                }
+            }
+        }
+        for (a, d) in self.0.iter().zip(&differences) {
+            for b in self.0.iter().filter(|b| b.len() > 1 && a.len() == 1) {
+                for j in b.clone() {
+                    hessian[(j, a.start)] = d[j];
+                }
+            }
+        }
+        (&hessian + hessian.transpose()) * 0.5
+    }
+
+    /// Searches a minimum from `x`, for at most `steps` steps, until a step promises less than `tolerance`.
+    pub fn minimise(&self, objective: &dyn Objective, x: &[f64], steps: usize, tolerance: f64) -> Minimum {
+        let mut x = x.to_vec();
+        let (mut value, mut gradient) = objective.evaluate(&x);
+        let mut damping = 0.0;
+        let mut hessian = self.hessian(objective, &x, &gradient);
+        for _ in 0..steps {
+            let eigen = SymmetricEigen::new(hessian.clone());
+            let largest = eigen.eigenvalues.amax().max(1e-12);
+            let step_with = |damping: f64| {
+                let along = eigen.eigenvectors.transpose() * DVector::from_column_slice(&gradient);
+                let scaled = DVector::from_fn(along.len(), |i, _| {
+                    -along[i] / (eigen.eigenvalues[i].abs().max(1e-7 * largest) + damping * largest)
+                });
+                // No number moves by more than ten times its typical size at once.
+                let step = &eigen.eigenvectors * scaled;
+                let longest = step.amax();
+                if longest > 10.0 { step * (10.0 / longest) } else { step }
+            };
+            let mut accepted = false;
+            for _ in 0..6 {
+                let step = step_with(damping);
+                let promised = -DVector::from_column_slice(&gradient).dot(&step);
+                if promised.abs() < tolerance {
+                    break;
+                }
+                let there: Vec<f64> = x.iter().zip(step.iter()).map(|(x, d)| x + d).collect();
+                let (new_value, new_gradient) = objective.evaluate(&there);
+                if new_value.is_finite() && new_value < value {
+                    (x, value, gradient) = (there, new_value, new_gradient);
+                    damping = if damping < 1e-6 { 0.0 } else { damping * 0.1 };
+                    accepted = true;
+                    break;
+                }
+                damping = (damping * 10.0).max(1e-4);
+            }
+            if !accepted {
+                break;
+            }
+            hessian = self.hessian(objective, &x, &gradient);
+        }
+        Minimum { x, value, hessian }
+    }
+}
+
+impl Minimum {
+    /// Standard errors, if the value is a negative log-likelihood: square roots of the inverse Hessian's diagonal.
+    pub fn stderr(&self) -> Vec<f64> {
+        let eigen = SymmetricEigen::new(self.hessian.clone());
+        let floor = 1e-9 * eigen.eigenvalues.amax().max(1e-12);
+        (0..self.x.len())
+            .map(|i| {
+                let variance: f64 = (0..self.x.len())
+                    .map(|j| eigen.eigenvectors[(i, j)].powi(2) / eigen.eigenvalues[j].max(floor))
+                    .sum();
+                variance.sqrt()
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,106 @@
+//! One scan drawn from the distribution of what the sensor reports, inside the graph.
+
+use burn::tensor::Tensor;
+
+use super::image::Image;
+
+/// Uniform numbers that [`Image::draw`] wants for each ray: range noise, reflectance noise, which return it is, where it is.
+pub const NOISE_CHANNELS: usize = 4;
+
+/// A drawn scan, `[batch, ring, column]`.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// Range in m.
+    pub range_m: Tensor<3>,
+    /// Reflectance, 0–1.
+    pub reflectance: Tensor<3>,
+    /// Probability that the ray is reported; whoever draws the scan decides by it.
+    pub keep: Tensor<3>,
+}
+
+impl Image {
+    /// Draws what each ray reports if it reports anything, from independent uniform numbers; ½ throughout gives the median. Outliers,
+    /// which stand for what a model cannot explain, are never drawn.
+    pub fn draw(self, noise: [Tensor<3>; NOISE_CHANNELS]) -> Drawn {
+        let [range_noise, reflectance_noise, which, place] = noise;
+        let report = &self.report;
+        let keep = self.reported();
+        let mut range_m = report.range_m.clone() + normal(range_noise) * report.range_sigma_m.clone();
+        let mut reflectance = report.reflectance.clone() + normal(reflectance_noise) * report.reflectance_sigma.clone();
+        if let Some(mixed) = &self.mixed {
+            let share = place.clone() / mixed.probability.clone().clamp_min(1e-9);
+            let between = mixed.near_m.clone() + share.clone() * (mixed.far_m.clone() - mixed.near_m.clone());
+            range_m = range_m.mask_where(share.lower_elem(1.0), between);
+        }
+        // Extra returns replace the surface's, the later ones the earlier: `which` is used up from below.
+        let mut left = which * keep.clone();
+        for extra in self.extra.iter().rev() {
+            let come = left.clone().greater_equal(keep.clone() - extra.probability.clone());
+            range_m = range_m.mask_where(come.clone(), extra.place.draw(place.clone()));
+            reflectance = reflectance.mask_where(come, range_m.clone() * 0.0 + extra.reflectance.clone());
+            left = left + extra.probability.clone();
+        }
+        if let Some(quantum) = &self.quantum {
+            range_m = (range_m / quantum.step_m.clone()).round() * quantum.step_m.clone();
+        }
+        Drawn { range_m: range_m.clamp_min(0.0), reflectance: reflectance.clamp(0.0, 1.0), keep }
+    }
+}
+
+/// The standard normal quantile of `u` in [0, 1): 0 at ½, so that noise of ½ everywhere draws the median.
+///
+/// √2·erf⁻¹(2u − 1) by the single-precision polynomials of Giles, "Approximating the erfinv function" (GPU Computing Gems, 2011).
+pub fn normal(u: Tensor<3>) -> Tensor<3> {
+    let x = (u * 2.0 - 1.0).clamp(-0.999_999, 0.999_999);
+    let w = ((x.clone() * -1.0 + 1.0) * (x.clone() + 1.0)).log() * -1.0;
+    let centre = horner(
+        &(w.clone() - 2.5),
+        &[
+            2.810_226_36e-8,
+            3.432_739_39e-7,
+            -3.523_387_7e-6,
+            -4.391_506_54e-6,
+            2.185_808_7e-4,
+            -1.253_725_03e-3,
+            -4.177_681_64e-3,
+            2.466_407_27e-1,
+            1.501_409_41,
+        ],
+    );
+    let tail = horner(
+        &(w.clone().clamp_min(1e-6).sqrt() - 3.0),
+        &[
+            -2.002_142_57e-4,
+            1.009_505_58e-4,
+            1.349_343_22e-3,
+            -3.673_428_44e-3,
+            5.739_507_73e-3,
+            -7.622_461_3e-3,
+            9.438_870_47e-3,
+            1.001_674_06,
+            2.832_976_82,
+        ],
+    );
+    centre.mask_where(w.greater_equal_elem(5.0), tail) * x * std::f64::consts::SQRT_2
+}
+
+fn horner(w: &Tensor<3>, coefficients: &[f64]) -> Tensor<3> {
+    let first = w.clone() * 0.0 + coefficients[0];
+    coefficients[1..].iter().fold(first, |sum, c| sum * w.clone() + *c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Device;
+
+    #[test]
+    fn quantiles_of_the_normal_distribution_come_out() {
+        let u = [0.5, 0.841_344_75, 0.158_655_25, 0.977_249_87, 0.999, 0.001];
+        let expected = [0.0, 1.0, -1.0, 2.0, 3.090_232, -3.090_232];
+        let drawn = normal(Tensor::<1>::from_floats(u, &Device::flex()).reshape([1, 1, 6]));
+        for (drawn, expected) in drawn.into_data().iter::<f32>().zip(expected) {
+            assert!((drawn - expected).abs() < 3e-4, "{drawn} for {expected}");
+        }
+    }
+}

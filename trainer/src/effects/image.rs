@@ -1,0 +1,153 @@
+//! The image that effects act on: what the simulation says of each ray, and the distribution of what the sensor reports.
+
+use burn::tensor::{Device, Tensor};
+
+use super::extra::Extra;
+use super::rays::{Bend, Rays};
+use super::surface::Surface;
+
+/// A batch of scans on their way through the sensor. Every tensor is `[batch, ring, column]` or broadcasts to it.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// The sensor's rays, as its description has them.
+    pub rays: Rays,
+    /// By how much the true rays deviate from them; [`Image::resample`] spends it.
+    pub bend: Bend,
+    /// The surface that each ray hits.
+    pub surface: Surface,
+    /// The surface that a moved ray may have hit instead, where it passed between two rays of the simulation.
+    pub other: Option<Other>,
+    /// Number of the scan within its recording; 0 where nobody counts.
+    pub frame: Tensor<3>,
+    /// The distribution of what the sensor reports of the surface, given that the ray hits one.
+    pub report: Report,
+    /// Returns that come from no surface of the simulation, or replace it.
+    pub extra: Vec<Extra>,
+    /// Returns between two surfaces.
+    pub mixed: Option<Mixed>,
+    /// The step in which ranges are reported.
+    pub quantum: Option<Quantum>,
+}
+
+/// Distribution of a report.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Mean range in m.
+    pub range_m: Tensor<3>,
+    /// Standard deviation of the range in m.
+    pub range_sigma_m: Tensor<3>,
+    /// Mean reflectance before it is held to 0–1.
+    pub reflectance: Tensor<3>,
+    /// Standard deviation of the reflectance.
+    pub reflectance_sigma: Tensor<3>,
+    /// Probability that a ray that hits the surface is reported.
+    pub keep: Tensor<3>,
+    /// Probability that a reported range has nothing to do with the surface.
+    pub range_outliers: Tensor<3>,
+    /// Probability that a reported reflectance has nothing to do with it.
+    pub reflectance_outliers: Tensor<3>,
+}
+
+/// The second surface of a ray that passes between two.
+#[derive(Clone, Debug)]
+pub struct Other {
+    /// Its range along the moved ray, in m.
+    pub range_m: Tensor<3>,
+    /// 1 where there is one.
+    pub hit: Tensor<3>,
+    /// Probability that the ray hits it.
+    pub weight: Tensor<3>,
+}
+
+/// A return somewhere between two surfaces, uniformly.
+#[derive(Clone, Debug)]
+pub struct Mixed {
+    /// Probability of one, given a return.
+    pub probability: Tensor<3>,
+    /// The nearer surface, in m.
+    pub near_m: Tensor<3>,
+    /// The farther one, in m.
+    pub far_m: Tensor<3>,
+}
+
+/// Ranges come in multiples of a step.
+#[derive(Clone, Debug)]
+pub struct Quantum {
+    /// The step in m.
+    pub step_m: Tensor<3>,
+    /// How sharply the multiples are kept: standard deviation in m.
+    pub tooth_m: Tensor<3>,
+}
+
+/// What a simulation says of a batch of scans.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    /// Range in m, 0 where there is no return.
+    pub range_m: Tensor<3>,
+    /// Reflectance, 0–1.
+    pub reflectance: Tensor<3>,
+    /// Class index, 0 = unlabelled.
+    pub class: Tensor<3>,
+    /// Probability that a ray is reported, from a network; 1 for a simulation as it is.
+    pub keep: Tensor<3>,
+    /// Number of the scan within its recording, `[batch, 1, 1]`.
+    pub frame: Tensor<3>,
+}
+
+impl Image {
+    /// The image of a simulation whose sensor has no effects: exact and complete.
+    pub fn new(simulated: Simulated, rays: Rays) -> Self {
+        let surface = Surface::find(simulated.range_m, simulated.reflectance, simulated.class, &rays);
+        let like = surface.range_m.zeros_like();
+        let report = Report {
+            range_m: surface.range_m.clone(),
+            range_sigma_m: like.clone() + 1e-4,
+            reflectance: surface.reflectance.clone(),
+            reflectance_sigma: like.clone() + 1e-4,
+            keep: simulated.keep,
+            range_outliers: like.clone() + 1e-6,
+            reflectance_outliers: like + 1e-6,
+        };
+        Self {
+            rays,
+            bend: Bend::default(),
+            surface,
+            other: None,
+            frame: simulated.frame,
+            report,
+            extra: vec![],
+            mixed: None,
+            quantum: None,
+        }
+    }
+
+    /// Where the image lives.
+    pub fn device(&self) -> Device {
+        self.surface.range_m.device()
+    }
+
+    /// Probability that a ray hits a surface that the simulation knows.
+    pub fn hit(&self) -> Tensor<3> {
+        match &self.other {
+            None => self.surface.hit.clone(),
+            Some(other) => {
+                let here = (other.weight.clone() * -1.0 + 1.0) * self.surface.hit.clone();
+                here + other.weight.clone() * other.hit.clone()
+            }
+        }
+    }
+
+    /// Probability that none of the extra returns comes.
+    pub fn no_extra(&self) -> Option<Tensor<3>> {
+        self.extra.iter().map(|extra| extra.probability.clone() * -1.0 + 1.0).reduce(|a, b| a * b)
+    }
+
+    /// Probability that a ray is reported at all.
+    pub fn reported(&self) -> Tensor<3> {
+        let surface = self.hit() * self.report.keep.clone();
+        match self.no_extra() {
+            None => surface,
+            Some(none) => (surface * -1.0 + 1.0) * none * -1.0 + 1.0,
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! The library of sensor effects: one file each.
+//!
+//! An effect turns an [`Image`] — the surfaces that a simulation says each ray hits, and the distribution of what the sensor reports of
+//! them — into the image of a sensor that has the effect. It is written once, in Burn tensors: the closed loop fits it by automatic
+//! differentiation, and the exporter captures the same forward pass into `model.onnx`.
+
+pub mod draw;
+pub mod evidence;
+pub mod extra;
+pub mod image;
+mod neighbours;
+pub mod parameter;
+pub mod rays;
+mod resample;
+pub mod surface;
+#[cfg(test)]
+pub(crate) mod trial;
+
+mod elevation_offset;
+mod noise_floor;
+mod ring_gain;
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+pub use draw::{Drawn, NOISE_CHANNELS};
+pub use evidence::Evidence;
+pub use extra::{Extra, Place};
+pub use image::{Image, Simulated};
+pub use noise_floor::NoiseFloor;
+pub use parameter::{Extent, Kind, Parameter, Values};
+pub use rays::{Bend, Rays};
+pub use surface::Surface;
+
+/// A sensor effect.
+pub trait Effect: Debug + Send + Sync {
+    /// What it is.
+    fn about(&self) -> About;
+
+    /// Its parameters, in the order in which [`forward`](Self::forward) finds their values.
+    fn parameters(&self) -> Vec<Parameter>;
+
+    /// The image of a sensor that has it. Tensors `[batch, ring, column]`.
+    fn forward(&self, values: &Values, image: Image) -> Image;
+
+    /// Values from which a fit should start on these data, where the starts of [`parameters`](Self::parameters) would lead it astray: one
+    /// or several lists, each of all the parameters' numbers in their order. The best after the fit counts.
+    fn starts(&self, _evidence: &Evidence) -> Vec<Vec<f64>> {
+        vec![]
+    }
+}
+
+/// Every effect of the library, for a sensor of `rings` rings.
+pub fn library() -> Vec<Arc<dyn Effect>> {
+    vec![Arc::new(elevation_offset::ElevationOffset), Arc::new(ring_gain::RingGain)]
+}
+
+/// What an effect is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct About {
+    /// Identifier, as in reports.
+    pub name: &'static str,
+    /// What the sensor does, for a sentence that begins "The sensor …".
+    pub does: &'static str,
+    /// The channel that it belongs to.
+    pub channel: Channel,
+    /// Which of the likelihoods it changes.
+    pub acts_on: ActsOn,
+    /// What it depends on.
+    pub covariates: &'static [&'static str],
+    /// Its formula.
+    pub formula: &'static str,
+    /// Where the formula comes from.
+    pub source: &'static str,
+}
+
+/// The six channels of residual.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Channel {
+    /// Mean of the range.
+    Range,
+    /// Spread of the range.
+    RangeVariance,
+    /// Directions and places of the rays.
+    Geometry,
+    /// Reflectance.
+    Reflectance,
+    /// Rays without a return.
+    Missing,
+    /// Returns without a surface.
+    Extra,
+}
+
+/// Which likelihoods an effect changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ActsOn {
+    /// Range, given a return.
+    pub range: bool,
+    /// Reflectance, given a return.
+    pub reflectance: bool,
+    /// Return or no return.
+    pub returns: bool,
+}
+
+impl ActsOn {
+    /// Range alone.
+    pub const RANGE: Self = Self { range: true, reflectance: false, returns: false };
+    /// Reflectance alone.
+    pub const REFLECTANCE: Self = Self { range: false, reflectance: true, returns: false };
+    /// Return or no return alone.
+    pub const RETURNS: Self = Self { range: false, reflectance: false, returns: true };
+    /// All of them.
+    pub const ALL: Self = Self { range: true, reflectance: true, returns: true };
+
+    /// What either acts on.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            range: self.range || other.range,
+            reflectance: self.reflectance || other.reflectance,
+            returns: self.returns || other.returns,
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! What the effects' tests share: streets seen by a small sensor that has an effect, and a fit that has to find it again.
+
+use std::sync::Arc;
+
+use burn::tensor::{Device, Distribution, Tensor, TensorData};
+use lidar::{RangeImage, Sensor};
+use scene::street::{StreetConfig, street};
+use scene::{Motion, Pose, cast};
+
+use super::{Effect, draw::NOISE_CHANNELS};
+use crate::closed_loop::data::{Batch, Pair, batches};
+use crate::closed_loop::fit::{Fitted, Free, fit};
+use crate::closed_loop::model::{SensorModel, Term};
+
+/// Streets in a trial, a frame each.
+const STREETS: u64 = 3;
+
+/// An effect that stood a trial.
+pub(crate) struct Trial {
+    /// What the sensor had, physical values in a row.
+    pub(crate) truth: Vec<f64>,
+    /// What the fit found.
+    pub(crate) found: Vec<f64>,
+    /// Its standard errors.
+    pub(crate) stderr: Vec<f64>,
+}
+
+impl Trial {
+    /// Draws scans of a sensor whose effect has these physical values, by the effect's own forward pass, and fits.
+    pub(crate) fn of(effect: Arc<dyn Effect>, truth: &[f64]) -> Self {
+        let sensor = sensor();
+        let term = Term::new(effect, sensor.rings().len());
+        let mut model = SensorModel::ideal(sensor.rings().len());
+        model.terms[0] = model.terms[0].clone().at(&[0.02, 0.02, 0.05, 1e-4, 1e-4]);
+        model.terms.push(term.clone().at(truth));
+        let data = measured_by(&model, &sensor);
+        let refs: Vec<&Batch> = data.iter().collect();
+        let acts_on = term.effect.about().acts_on;
+        let ideal = SensorModel::ideal(sensor.rings().len());
+        let free = [Free::noise(ideal.terms[0].clone(), acts_on), Free::all(term)];
+        let fitted: Fitted = fit(&ideal, &free, acts_on, &refs);
+        let stderr = fitted.terms[1].physical_stderr(&fitted.stderr()[1]);
+        Self { truth: truth.to_vec(), found: fitted.terms[1].physical(), stderr }
+    }
+
+    /// Asserts that every number was found within five standard errors, and that these are no larger than `largest`.
+    pub(crate) fn found_within(&self, largest: f64) {
+        for (i, truth) in self.truth.iter().enumerate() {
+            let (found, stderr) = (self.found[i], self.stderr[i]);
+            assert!(stderr < largest, "number {i}: standard error {stderr}, found {found} for {truth}");
+            assert!((found - truth).abs() < 5.0 * stderr, "number {i}: found {found} ± {stderr} for {truth}");
+        }
+    }
+}
+
+/// 16 rings of 256 columns.
+pub(crate) fn sensor() -> Sensor {
+    let elevations: Vec<f64> = (0..16).map(|k| 3.0 - 1.6 * f64::from(k)).collect();
+    Sensor::from_elevations_deg("trial", elevations, 256, (1.0, 100.0), 10.0).expect("a sensor")
+}
+
+/// What a sensor of this model measures on the trial's streets.
+pub(crate) fn measured_by(model: &SensorModel, sensor: &Sensor) -> Vec<Batch> {
+    let device = Device::flex().autodiff();
+    device.seed(7);
+    let mut pairs: Vec<Pair> = (0..STREETS)
+        .map(|seed| {
+            let street = street(seed, &StreetConfig::default());
+            let pose = Pose::above_ground(&street, 0.0, 0.0, 0.2).expect("ground");
+            let simulated = cast(&street, sensor, &pose, &Motion::default()).image;
+            let measured = RangeImage::empty(sensor.rings().len(), sensor.columns());
+            Pair { frame: seed as usize, scene: seed as usize, simulated, keep: None, measured }
+        })
+        .collect();
+    let ideal = batches(&pairs.iter().collect::<Vec<_>>(), sensor, &device);
+    for (pair, batch) in pairs.iter_mut().zip(ideal) {
+        let like = batch.image.surface.range_m.clone();
+        let uniform = || like.random_like(Distribution::Uniform(0.0, 1.0));
+        let noise: [Tensor<3>; NOISE_CHANNELS] = std::array::from_fn(|_| uniform());
+        let drawn = model.forward(batch.image).draw(noise);
+        let reported = uniform().lower(drawn.keep).float();
+        let numbers = |x: Tensor<3>| -> Vec<f32> { TensorData::iter::<f32>(&x.into_data()).collect() };
+        let range_m = numbers(drawn.range_m * reported);
+        let class = vec![0; range_m.len()];
+        pair.measured = RangeImage::from_channels(sensor.columns(), range_m, numbers(drawn.reflectance), class);
+    }
+    batches(&pairs.iter().collect::<Vec<_>>(), sensor, &device)
+}
