@@ -55,5 +55,6 @@ pub(crate) fn tensor(name: String, data: &TensorData) -> Result<TensorProto, Ref
         data_type: element_type(data.dtype())?,
         dims: data.shape().iter().map(|size| *size as i64).collect(),
         raw_data: data.bytes().to_vec(),
+        ..TensorProto::default()
     })
 }

@@ -46,7 +46,7 @@ impl Graph {
     /// Adds a node that defines `output`.
     pub(crate) fn node(&mut self, op: &str, input: Vec<String>, output: &str, attribute: Vec<AttributeProto>) {
         let (name, output) = (format!("{op}:{output}"), vec![output.to_owned()]);
-        self.proto.node.push(NodeProto { input, output, name, op_type: op.into(), attribute });
+        self.proto.node.push(NodeProto { input, output, name, op_type: op.into(), attribute, ..NodeProto::default() });
     }
 
     /// Adds a node that defines a fresh value, and names it.
@@ -89,29 +89,14 @@ impl Graph {
             return name.clone();
         }
         let name = self.claim(kind);
-        self.initializer(TensorProto { dims, data_type, name: name.clone(), raw_data });
+        self.initializer(TensorProto { dims, data_type, name: name.clone(), raw_data, ..TensorProto::default() });
         self.constants.insert(key, name.clone());
         name
     }
 
-    /// Drops the nodes and constants that no output needs.
-    fn prune(&mut self) {
-        let mut needed: HashSet<String> = self.proto.output.iter().map(|output| output.name.clone()).collect();
-        let mut kept = Vec::with_capacity(self.proto.node.len());
-        for node in std::mem::take(&mut self.proto.node).into_iter().rev() {
-            if node.output.iter().any(|output| needed.contains(output)) {
-                needed.extend(node.input.iter().cloned());
-                kept.push(node);
-            }
-        }
-        kept.reverse();
-        self.proto.node = kept;
-        self.proto.initializer.retain(|tensor| needed.contains(&tensor.name));
-    }
-
     /// The finished file.
     pub(crate) fn encode(mut self, opset: i64, metadata: &[(String, String)]) -> Result<Vec<u8>, Error> {
-        self.prune();
+        prune(&mut self.proto);
         self.proto.name = "burn".into();
         let property =
             |(key, value): &(String, String)| StringStringEntryProto { key: key.clone(), value: value.clone() };
@@ -128,6 +113,7 @@ impl Graph {
             graph: Some(self.proto),
             opset_import: vec![OperatorSetIdProto { domain: String::new(), version: opset }],
             metadata_props: metadata.iter().map(property).collect(),
+            functions: Vec::new(),
         };
         let size = model.encoded_len();
         if size > i32::MAX as usize {
@@ -135,4 +121,21 @@ impl Graph {
         }
         Ok(model.encode_to_vec())
     }
+}
+
+/// Drops the nodes and constants that no output needs; returns the names of all tensors that one does.
+pub(crate) fn prune(graph: &mut GraphProto) -> HashSet<String> {
+    let mut needed: HashSet<String> = graph.output.iter().map(|output| output.name.clone()).collect();
+    let mut kept = Vec::with_capacity(graph.node.len());
+    for node in std::mem::take(&mut graph.node).into_iter().rev() {
+        if node.output.iter().any(|output| needed.contains(output)) {
+            // An empty name stands for an optional input that is left out.
+            needed.extend(node.input.iter().filter(|input| !input.is_empty()).cloned());
+            kept.push(node);
+        }
+    }
+    kept.reverse();
+    graph.node = kept;
+    graph.initializer.retain(|tensor| needed.contains(&tensor.name));
+    needed
 }

@@ -63,12 +63,19 @@
 //!
 //! Integers are int64 in the file, whatever integers the module's device has.
 //! Dropout and batch normalisation are exported as in [`Module::valid`](burn::module::Module::valid).
+//!
+//! # Files that exist already
+//!
+//! [`Composition`] makes one file of two, the second taking what the first gives; [`cut`](cut()) and [`base_of`] take such a file apart.
 
 mod axis;
 mod boundary;
+mod compose;
+mod cut;
 mod data;
 mod error;
 mod exporter;
+mod file;
 mod graph;
 mod linear;
 mod lower;
@@ -79,5 +86,8 @@ mod traces;
 
 pub use axis::{Axis, Sizes};
 pub use boundary::Boundary;
+pub use compose::{ComposeError, Composition, Disagreement};
+pub use cut::{base_of, cut};
 pub use error::{Error, Refusal};
 pub use exporter::Exporter;
+pub use file::{FileError, MAX_FILE_BYTES};

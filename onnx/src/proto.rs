@@ -1,4 +1,7 @@
-//! The part of `onnx.proto` (proto3, package `onnx`) that an exporter writes, with the field numbers of that file.
+//! The part of `onnx.proto` (package `onnx`) that is written or rewritten here, with the field numbers of that file.
+//!
+//! A file that is read and written again keeps what its numbers depend on. Of that, what nobody here looks into is carried, or seen and
+//! refused, as bytes. Documentation, locations and annotations of tools are let go.
 
 /// A file.
 #[derive(Clone, PartialEq, prost::Message)]
@@ -15,6 +18,8 @@ pub(crate) struct ModelProto {
     pub(crate) opset_import: Vec<OperatorSetIdProto>,
     #[prost(message, repeated, tag = "14")]
     pub(crate) metadata_props: Vec<StringStringEntryProto>,
+    #[prost(bytes = "vec", repeated, tag = "25")]
+    pub(crate) functions: Vec<Vec<u8>>,
 }
 
 /// An operator set and its version.
@@ -48,6 +53,12 @@ pub(crate) struct GraphProto {
     pub(crate) input: Vec<ValueInfoProto>,
     #[prost(message, repeated, tag = "12")]
     pub(crate) output: Vec<ValueInfoProto>,
+    #[prost(message, repeated, tag = "13")]
+    pub(crate) value_info: Vec<ValueInfoProto>,
+    #[prost(bytes = "vec", repeated, tag = "14")]
+    pub(crate) quantization_annotation: Vec<Vec<u8>>,
+    #[prost(bytes = "vec", repeated, tag = "15")]
+    pub(crate) sparse_initializer: Vec<Vec<u8>>,
 }
 
 /// One operation.
@@ -63,6 +74,8 @@ pub(crate) struct NodeProto {
     pub(crate) op_type: String,
     #[prost(message, repeated, tag = "5")]
     pub(crate) attribute: Vec<AttributeProto>,
+    #[prost(string, tag = "7")]
+    pub(crate) domain: String,
 }
 
 /// One setting of a node.
@@ -78,8 +91,26 @@ pub(crate) struct AttributeProto {
     pub(crate) s: Option<Vec<u8>>,
     #[prost(message, optional, tag = "5")]
     pub(crate) t: Option<TensorProto>,
+    #[prost(bytes = "vec", optional, tag = "6")]
+    pub(crate) g: Option<Vec<u8>>,
+    #[prost(float, repeated, packed = "false", tag = "7")]
+    pub(crate) floats: Vec<f32>,
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub(crate) ints: Vec<i64>,
+    #[prost(bytes = "vec", repeated, tag = "9")]
+    pub(crate) strings: Vec<Vec<u8>>,
+    #[prost(message, repeated, tag = "10")]
+    pub(crate) tensors: Vec<TensorProto>,
+    #[prost(bytes = "vec", repeated, tag = "11")]
+    pub(crate) graphs: Vec<Vec<u8>>,
+    #[prost(bytes = "vec", optional, tag = "14")]
+    pub(crate) tp: Option<Vec<u8>>,
+    #[prost(bytes = "vec", repeated, tag = "15")]
+    pub(crate) type_protos: Vec<Vec<u8>>,
+    #[prost(bytes = "vec", optional, tag = "22")]
+    pub(crate) sparse_tensor: Option<Vec<u8>>,
+    #[prost(bytes = "vec", repeated, tag = "23")]
+    pub(crate) sparse_tensors: Vec<Vec<u8>>,
     /// `AttributeType`: 1 float, 2 int, 3 string, 4 tensor, 7 ints.
     #[prost(int32, tag = "20")]
     pub(crate) r#type: i32,
@@ -120,11 +151,28 @@ pub(crate) struct TensorProto {
     pub(crate) dims: Vec<i64>,
     #[prost(int32, tag = "2")]
     pub(crate) data_type: i32,
+    /// Elements by type, where `raw_data` is empty.
+    #[prost(float, repeated, tag = "4")]
+    pub(crate) float_data: Vec<f32>,
+    #[prost(int32, repeated, tag = "5")]
+    pub(crate) int32_data: Vec<i32>,
+    #[prost(bytes = "vec", repeated, tag = "6")]
+    pub(crate) string_data: Vec<Vec<u8>>,
+    #[prost(int64, repeated, tag = "7")]
+    pub(crate) int64_data: Vec<i64>,
     #[prost(string, tag = "8")]
     pub(crate) name: String,
     /// Little-endian elements, row-major.
     #[prost(bytes = "vec", tag = "9")]
     pub(crate) raw_data: Vec<u8>,
+    #[prost(double, repeated, tag = "10")]
+    pub(crate) double_data: Vec<f64>,
+    #[prost(uint64, repeated, tag = "11")]
+    pub(crate) uint64_data: Vec<u64>,
+    #[prost(bytes = "vec", repeated, tag = "13")]
+    pub(crate) external_data: Vec<Vec<u8>>,
+    #[prost(int32, tag = "14")]
+    pub(crate) data_location: i32,
 }
 
 /// Name and type of a graph input or output.

@@ -66,7 +66,7 @@ impl Lowering<'_> {
     pub(super) fn full(&mut self, out: &TensorIr, value: ScalarIr) -> Result<(), Refusal> {
         let shape = self.shape_of(out.id)?;
         let (data_type, raw_data) = (element_type(out.dtype)?, scalar_bytes(out.dtype, value)?);
-        let value = TensorProto { name: String::new(), data_type, dims: vec![1], raw_data };
+        let value = TensorProto { data_type, dims: vec![1], raw_data, ..TensorProto::default() };
         self.emit_named("ConstantOfShape", vec![shape], out, vec![AttributeProto::tensor("value", value)]);
         Ok(())
     }

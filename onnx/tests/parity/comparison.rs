@@ -118,7 +118,8 @@ fn at(sizes: &Sizes) -> At {
     At { batch: size("batch", 2), column: size("column", 4) }
 }
 
-fn difference(expected: &TensorData, found: &TensorData) -> f32 {
+/// The largest difference of two tensors, relative to 1 + |value|.
+pub(crate) fn difference(expected: &TensorData, found: &TensorData) -> f32 {
     assert_eq!(expected.shape(), found.shape());
     assert_eq!(expected.dtype().is_float(), found.dtype().is_float(), "{:?} and {:?}", expected.dtype(), found.dtype());
     if !expected.dtype().is_float() {

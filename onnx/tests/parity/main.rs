@@ -6,6 +6,7 @@
 
 mod checker;
 mod comparison;
+mod composing;
 mod dynamic;
 mod elementwise;
 mod file;
