@@ -10,5 +10,6 @@ pub mod export;
 pub mod loss;
 pub mod network;
 pub mod sensor_report;
+pub mod sets;
 pub mod simulate;
 pub mod train;
