@@ -5,3 +5,6 @@ pub mod fit;
 pub mod likelihood;
 pub mod model;
 pub mod newton;
+pub mod outcome;
+pub mod screen;
+pub mod split;
