@@ -125,22 +125,12 @@ impl Defect {
 
     /// What it changes; everything else stays as it was, but for echoes that an error of range moves across the sensor's limits.
     pub fn channels(&self) -> &'static [Channel] {
-        use Channel::{Extra, Missing, Range as OfRange, Reflectance as OfReflectance};
         match self {
             Self::Geometry(_) => &[Channel::Geometry],
-            Self::Range(_) => &[OfRange],
-            Self::Reflectance(_) => &[OfReflectance],
-            Self::Returns(Returns::WeakReturnDrop { .. }) => &[Missing],
-            Self::Returns(Returns::BlockedSector { .. } | Returns::RangeLimits { .. }) => &[Missing],
-            Self::Returns(Returns::Specular { .. } | Returns::Fog { .. }) => &[OfReflectance, Missing],
-            Self::Returns(Returns::Drift { .. }) => &[OfRange, OfReflectance],
-            Self::Returns(Returns::Blooming { .. } | Returns::RandomReturns { .. }) => &[Extra],
-            Self::Returns(Returns::Precipitation { .. }) => &[Extra],
-            Self::Unknown(defect) => match defect.channel() {
-                Channel::Reflectance => &[OfReflectance],
-                Channel::Missing => &[Missing],
-                Channel::Range | Channel::Geometry | Channel::Extra => &[OfRange],
-            },
+            Self::Range(_) => &[Channel::Range],
+            Self::Reflectance(_) => &[Channel::Reflectance],
+            Self::Returns(defect) => defect.channels(),
+            Self::Unknown(defect) => std::slice::from_ref(defect.channel_ref()),
         }
     }
 

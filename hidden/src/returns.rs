@@ -6,7 +6,7 @@ use rand::{Rng, RngExt};
 use rand_distr::Exp1;
 use serde::{Deserialize, Serialize};
 
-use crate::defect::Truth;
+use crate::defect::{Channel, Truth};
 use crate::dice::{Dice, normal, sign};
 use crate::measure::Return;
 use crate::sweep::{Ray, Shot, Sweep};
@@ -127,6 +127,15 @@ impl Returns {
             Self::Fog { .. } => 7,
             Self::Drift { .. } => 8,
         }]
+    }
+
+    pub(crate) fn channels(&self) -> &'static [Channel] {
+        match self {
+            Self::WeakReturnDrop { .. } | Self::BlockedSector { .. } | Self::RangeLimits { .. } => &[Channel::Missing],
+            Self::Specular { .. } | Self::Fog { .. } => &[Channel::Reflectance, Channel::Missing],
+            Self::Drift { .. } => &[Channel::Range, Channel::Reflectance],
+            Self::Blooming { .. } | Self::RandomReturns { .. } | Self::Precipitation { .. } => &[Channel::Extra],
+        }
     }
 
     pub(crate) fn truth(&self) -> Truth {

@@ -61,8 +61,8 @@ fn fill(recipe: &Recipe, dir: &Path) -> Result<(), SetError> {
     }
     write_atomically(&dir.join("sensor.toml"), recipe.sensor.to_toml().as_bytes())?;
     let frames = frames(recipe);
-    let scenes: String = frames.iter().map(|frame| format!("street-{:02}\n", frame.scene)).collect();
-    write_atomically(&dir.join("scenes.txt"), scenes.as_bytes())?;
+    let scenes: Vec<String> = frames.iter().map(|frame| format!("street-{:02}", frame.scene)).collect();
+    write_atomically(&dir.join("scenes.txt"), (scenes.join("\n") + "\n").as_bytes())?;
     for (number, frame) in frames.iter().enumerate() {
         let [simulated, measured] = halves.each_ref().map(|half| half.join(format!("{number:06}.ply")));
         write_scan(&simulated, &recipe.sensor, &frame.simulated, true)?;

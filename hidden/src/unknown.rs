@@ -106,13 +106,17 @@ impl Unknown {
 
     /// The one channel that it changes.
     pub fn channel(&self) -> Channel {
+        *self.channel_ref()
+    }
+
+    pub(crate) fn channel_ref(&self) -> &'static Channel {
         match self {
             Self::RangeBySweepPhase { .. }
             | Self::RangeByClass { .. }
             | Self::RangeMidBump { .. }
-            | Self::RangeByRingAndRange { .. } => Channel::Range,
-            Self::ReflectanceAzimuthBump { .. } => Channel::Reflectance,
-            Self::DropByHeight { .. } | Self::DropByClass { .. } | Self::DropByReflectance { .. } => Channel::Missing,
+            | Self::RangeByRingAndRange { .. } => &Channel::Range,
+            Self::ReflectanceAzimuthBump { .. } => &Channel::Reflectance,
+            Self::DropByHeight { .. } | Self::DropByClass { .. } | Self::DropByReflectance { .. } => &Channel::Missing,
         }
     }
 
@@ -199,11 +203,7 @@ impl Unknown {
         let range_m = shot.echo.range_m;
         match self {
             Self::RangeBySweepPhase { offset_m, from, width } => {
-                if (shot.ray.phase - from).rem_euclid(1.0) < *width {
-                    *offset_m
-                } else {
-                    0.0
-                }
+                offset_m * inside((shot.ray.phase - from).rem_euclid(1.0), 0.0..*width)
             }
             Self::RangeByClass { offset_m } => offset_m.get(usize::from(shot.echo.class)).copied().unwrap_or(0.0),
             Self::RangeMidBump { offset_m, centre_m, width_m } => offset_m * bell(range_m - centre_m, *width_m),
@@ -226,19 +226,18 @@ impl Unknown {
     pub(crate) fn loses(&self, shot: &Shot, dice: &mut Dice) -> bool {
         let u: f64 = dice.random();
         let drop = match self {
-            Self::DropByHeight { drop, from_m, to_m } => {
-                if (*from_m..*to_m).contains(&shot.height_m()) {
-                    *drop
-                } else {
-                    0.0
-                }
-            }
+            Self::DropByHeight { drop, from_m, to_m } => drop * inside(shot.height_m(), *from_m..*to_m),
             Self::DropByClass { drop } => drop.get(usize::from(shot.echo.class)).copied().unwrap_or(0.0),
             Self::DropByReflectance { drop, centre, width } => drop * bell(shot.echo.reflectance - centre, *width),
             _ => 0.0,
         };
         u < drop
     }
+}
+
+/// 1 inside, 0 outside.
+fn inside(value: f64, span: std::ops::Range<f64>) -> f64 {
+    f64::from(u8::from(span.contains(&value)))
 }
 
 /// A Gaussian of height 1.
