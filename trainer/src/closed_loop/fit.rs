@@ -26,9 +26,14 @@ pub struct Free {
     pub parameters: Vec<usize>,
 }
 
-/// Log-likelihoods of one frame in nats, summed over its rays.
+/// Sectors that a frame's azimuths are divided into: rays of different sectors are taken as independent.
+pub const SECTORS: usize = 8;
+
+/// Log-likelihoods of one block (a sector of a frame) in nats, summed over its rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
+    /// Scene of the frame.
+    pub scene: usize,
     /// Of the ranges.
     pub range: f64,
     /// Of the reflectances.
@@ -87,15 +92,15 @@ impl Free {
     }
 }
 
-/// Log-likelihood of each frame under a model, in the order of the batches.
+/// Log-likelihoods under a model, block by block in the order of the batches.
 pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
     let of = |batch: &&Batch| {
         let image = model.forward(batch.image.clone());
-        let range = per_frame(&likelihood::range(&image, &batch.observed, 0.0));
-        let reflectance = per_frame(&likelihood::reflectance(&image, &batch.observed, 0.0));
-        let returns = per_frame(&likelihood::returns(&image, &batch.observed));
+        let range = per_block(&likelihood::range(&image, &batch.observed, 0.0));
+        let reflectance = per_block(&likelihood::reflectance(&image, &batch.observed, 0.0));
+        let returns = per_block(&likelihood::returns(&image, &batch.observed));
         (0..range.len())
-            .map(|i| Score { range: range[i], reflectance: reflectance[i], returns: returns[i] })
+            .map(|i| Score { scene: batch.scene, range: range[i], reflectance: reflectance[i], returns: returns[i] })
             .collect::<Vec<_>>()
     };
     batches.par_iter().map(of).collect::<Vec<_>>().concat()
@@ -103,12 +108,21 @@ pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
 
 /// Fits the free terms. A free term that the model has is refitted (it is known by its name); any other is added to it.
 pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch]) -> Fitted {
+    fit_softened(model, free, acts_on, batches, &SOFTENED)
+}
+
+/// The same from a start that is nearly right.
+pub fn refit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch]) -> Fitted {
+    fit_softened(model, free, acts_on, batches, &[0.0])
+}
+
+fn fit_softened(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch], widths: &[f64]) -> Fitted {
     let problem = Problem::new(model, free, acts_on, batches);
     let groups = Groups::new(free.iter().flat_map(Free::ranges).map(|r| r.len()));
     let mut x: Vec<f64> =
         free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect();
     let mut minimum = None;
-    for soften in SOFTENED {
+    for soften in widths.iter().copied() {
         let last = soften == 0.0;
         if !last && !(acts_on.range || acts_on.reflectance) {
             continue;
@@ -238,7 +252,7 @@ impl<'a> Problem<'a> {
             parts.push(likelihood::returns(&image, observed));
         }
         let Some(total) = parts.into_iter().reduce(|a, b| a + b) else { return (0.0, vec![0.0; x.dims()[0]]) };
-        let value: f64 = per_frame(&total.clone().detach()).iter().sum();
+        let value: f64 = per_block(&total.clone().detach()).iter().sum();
         let gradients = total.sum().backward();
         let gradient = x
             .grad(&gradients)
@@ -260,9 +274,10 @@ impl Objective for Softened<'_> {
     }
 }
 
-/// Sums over rays, frame by frame; rows in the tensor's precision, their sum in double.
-fn per_frame(nats: &Tensor<3>) -> Vec<f64> {
-    let [_, rings, _] = nats.dims();
-    let rows: Vec<f64> = nats.clone().sum_dim(2).into_data().iter::<f64>().collect();
-    rows.chunks(rings).map(|rows| rows.iter().sum()).collect()
+/// Sums over rays, sector by sector of each frame; columns in the tensor's precision, their sum in double.
+fn per_block(nats: &Tensor<3>) -> Vec<f64> {
+    let [_, _, columns] = nats.dims();
+    let sums: Vec<f64> = nats.clone().sum_dim(1).into_data().iter::<f64>().collect();
+    let block = |frame: &[f64]| frame.chunks(columns.div_ceil(SECTORS)).map(|c| c.iter().sum()).collect::<Vec<f64>>();
+    sums.chunks(columns).flat_map(block).collect()
 }

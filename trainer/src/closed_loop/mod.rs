@@ -1,10 +1,13 @@
 //! The closed loop: finds what a sensor does that its model lacks, traces it to an effect, adds it, and says what that was worth.
 
+pub mod candidate;
 pub mod data;
 pub mod fit;
+pub mod improve;
 pub mod likelihood;
 pub mod model;
 pub mod newton;
 pub mod outcome;
 pub mod screen;
+pub mod significance;
 pub mod split;

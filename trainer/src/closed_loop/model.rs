@@ -122,6 +122,25 @@ impl SensorModel {
         &self.terms[1..]
     }
 
+    /// The same model with these terms: those that it has, known by their names, take the new values; the others are added.
+    #[must_use]
+    pub fn with(&self, terms: &[Term]) -> Self {
+        let mut model = self.clone();
+        for term in terms {
+            match model.terms.iter_mut().find(|t| t.name() == term.name()) {
+                Some(place) => *place = term.clone(),
+                None => model.terms.push(term.clone()),
+            }
+        }
+        model
+    }
+
+    /// The same model without an effect.
+    #[must_use]
+    pub fn without(&self, name: &str) -> Self {
+        Self { terms: self.terms.iter().filter(|t| t.name() != name).cloned().collect() }
+    }
+
     /// Whether an effect of this name is there.
     pub fn has(&self, name: &str) -> bool {
         self.effects().iter().any(|term| term.name() == name)

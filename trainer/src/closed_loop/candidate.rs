@@ -1,0 +1,110 @@
+//! One effect that a model may lack: fitted on one half of the scenes, scored on the other, and the other way round.
+
+use std::sync::Arc;
+
+use super::data::Batch;
+use super::fit::{Fitted, Free, Score, fit, refit, score};
+use super::model::{SensorModel, Term};
+use super::outcome::Interval;
+use super::significance::{Block, interval, p_value};
+use crate::effects::{ActsOn, Effect, Evidence};
+
+/// The scenes that effects are found and chosen on, in two halves that exchange their parts, and what the current model makes of them.
+#[derive(Debug)]
+pub struct Halves<'a> {
+    /// The batches of each half.
+    pub batches: [Vec<&'a Batch>; 2],
+    /// Log-likelihoods of each half's blocks under the current model.
+    pub scores: [Vec<Score>; 2],
+    /// Rays of both halves.
+    pub rays: f64,
+}
+
+/// A candidate with its held-out gain.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// The effect, fitted on the first half.
+    pub term: Term,
+    /// Held-out gain of each block, over the likelihoods that the effect acts on.
+    pub blocks: Vec<Block>,
+    /// Gain a ray.
+    pub gain: Interval,
+    /// Gain a ray of each likelihood: range, reflectance, returns.
+    pub parts: [f64; 3],
+    /// Probability of such a gain where there is none.
+    pub p_value: f64,
+}
+
+impl<'a> Halves<'a> {
+    /// Scores a model on both halves.
+    pub fn new(model: &SensorModel, batches: [Vec<&'a Batch>; 2]) -> Self {
+        let scores = [score(model, &batches[0]), score(model, &batches[1])];
+        let rays = batches.iter().flatten().map(|b| b.observed.range_m.shape().num_elements() as f64).sum();
+        Self { batches, scores, rays }
+    }
+
+    /// Every batch.
+    pub fn all(&self) -> Vec<&'a Batch> {
+        self.batches.concat()
+    }
+}
+
+impl Trial {
+    /// Fits and scores an effect that the model lacks.
+    pub fn of(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
+        let acts_on = effect.about().acts_on;
+        let term = Term::new(Arc::clone(effect), evidence.rings);
+        let starts = effect.starts(evidence);
+        let starts = if starts.is_empty() { vec![term.clone()] } else { starts.iter().map(|s| term.clone().at(s)).collect() };
+        let noise = Free::noise(model.terms[0].clone(), acts_on);
+        let attempt = |term: Term| fit(model, &[noise.clone(), Free::all(term)], acts_on, &halves.batches[0]);
+        let best: Fitted = starts
+            .into_iter()
+            .map(attempt)
+            .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
+            .unwrap_or_else(|| unreachable!("at least one start"));
+        let free = [Free::noise(best.terms[0].clone(), acts_on), Free::all(best.terms[1].clone())];
+        let other = refit(model, &free, acts_on, &halves.batches[1]);
+
+        let after = [score(&model.with(&other.terms), &halves.batches[0]), score(&model.with(&best.terms), &halves.batches[1])];
+        Self::from_scores(best.terms[1].clone(), acts_on, halves, &after)
+    }
+
+    fn from_scores(term: Term, acts_on: ActsOn, halves: &Halves<'_>, after: &[Vec<Score>; 2]) -> Self {
+        let mut parts = [0.0; 3];
+        let mut blocks = Vec::new();
+        for (before, after) in halves.scores.iter().flatten().zip(after.iter().flatten()) {
+            blocks.push(Block { scene: before.scene, sum: after.of(acts_on) - before.of(acts_on) });
+            let of = |on: bool, gain: f64| if on { gain / halves.rays } else { 0.0 };
+            parts[0] += of(acts_on.range, after.range - before.range);
+            parts[1] += of(acts_on.reflectance, after.reflectance - before.reflectance);
+            parts[2] += of(acts_on.returns, after.returns - before.returns);
+        }
+        let gain = interval(&blocks, halves.rays, 1);
+        Self { term, gain, parts, p_value: p_value(&blocks), blocks }
+    }
+
+    /// Whether every parameter is one that a sensor could have.
+    pub fn is_plausible(&self) -> bool {
+        let physical = self.term.physical();
+        self.term.layout().into_iter().all(|(parameter, range)| {
+            physical[range].iter().all(|x| *x >= parameter.prior.0 && *x <= parameter.prior.1)
+        })
+    }
+
+    /// Whether it gains no more than chance above this one; both over the same blocks.
+    pub fn is_as_good_as(&self, best: &Self) -> bool {
+        let difference: Vec<Block> = best
+            .blocks
+            .iter()
+            .zip(&self.blocks)
+            .map(|(best, this)| Block { scene: best.scene, sum: best.sum - this.sum })
+            .collect();
+        p_value(&difference) > 0.05
+    }
+
+    /// How many numbers it takes.
+    pub fn size(&self) -> usize {
+        self.term.fitted.len()
+    }
+}
