@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::data::Batch;
-use super::fit::{Fitted, Free, Score, fit, refit, score};
+use super::fit::{Fitted, Free, Score, fit, score};
 use super::model::{SensorModel, Term};
 use super::outcome::Interval;
 use super::significance::{Block, interval, p_value};
@@ -55,18 +55,28 @@ impl Trial {
         let acts_on = effect.about().acts_on;
         let term = Term::new(Arc::clone(effect), evidence.rings);
         let starts = effect.starts(evidence);
-        let starts = if starts.is_empty() { vec![term.clone()] } else { starts.iter().map(|s| term.clone().at(s)).collect() };
+        let starts =
+            if starts.is_empty() { vec![term.clone()] } else { starts.iter().map(|s| term.clone().at(s)).collect() };
         let noise = Free::noise(model.terms[0].clone(), acts_on);
-        let attempt = |term: Term| fit(model, &[noise.clone(), Free::all(term)], acts_on, &halves.batches[0]);
-        let best: Fitted = starts
+        let [first, second] = &halves.batches;
+        let attempt = |start: &Term, widths: &[f64]| {
+            fit(model, &[noise.clone(), Free::all(start.clone())], acts_on, first, widths)
+        };
+        let widths = widths(evidence, acts_on);
+        let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
+        let nothing: f64 = halves.scores[0].iter().map(|s| s.of(acts_on)).sum();
+        if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
+            // The way through widened normals led astray.
+            tries.extend(starts.iter().map(|start| attempt(start, &[])));
+        }
+        let best = tries
             .into_iter()
-            .map(attempt)
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
             .unwrap_or_else(|| unreachable!("at least one start"));
         let free = [Free::noise(best.terms[0].clone(), acts_on), Free::all(best.terms[1].clone())];
-        let other = refit(model, &free, acts_on, &halves.batches[1]);
+        let other = fit(model, &free, acts_on, second, &[]);
 
-        let after = [score(&model.with(&other.terms), &halves.batches[0]), score(&model.with(&best.terms), &halves.batches[1])];
+        let after = [score(&model.with(&other.terms), first), score(&model.with(&best.terms), second)];
         Self::from_scores(best.terms[1].clone(), acts_on, halves, &after)
     }
 
@@ -107,4 +117,26 @@ impl Trial {
     pub fn size(&self) -> usize {
         self.term.fitted.len()
     }
+}
+
+/// By how much a fit should begin with widened normals: not at all where the residual is what the noise floor says, else by what it
+/// reaches and by the geometric mean of that and the noise.
+fn widths(evidence: &Evidence, acts_on: ActsOn) -> Vec<f64> {
+    let mut widest: Option<(f64, f64)> = None;
+    let mut consider = |residuals: Vec<f32>| {
+        let of = |q| Evidence::quantile(residuals.iter().map(|r| r.abs()), q).unwrap_or(0.0);
+        let (most, core) = (of(0.95), of(0.5) / 0.674_5);
+        if most > 2.6 * core && widest.is_none_or(|(w, _)| most > w) {
+            widest = Some((most, core.max(1e-3)));
+        }
+    };
+    let returned =
+        || (0..evidence.range_m.len()).filter(|i| evidence.measured_range_m[*i] > 0.0 && evidence.range_m[*i] > 0.0);
+    if acts_on.range {
+        consider(returned().map(|i| evidence.measured_range_m[i] - evidence.range_m[i]).collect());
+    }
+    if acts_on.reflectance {
+        consider(returned().map(|i| evidence.measured_reflectance[i] - evidence.reflectance[i]).collect());
+    }
+    widest.map_or_else(Vec::new, |(most, core)| vec![most.min(1.0), (most.min(1.0) * core).sqrt()])
 }

@@ -1,5 +1,6 @@
 //! Fits the parameters of some terms of a model by maximum likelihood, the others held.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use burn::tensor::{Device, Tensor, s};
@@ -10,9 +11,6 @@ use super::likelihood;
 use super::model::{SensorModel, Term};
 use super::newton::{Groups, Minimum, Objective};
 use crate::effects::{ActsOn, Image};
-
-/// Widths by which the normals are widened, one fit after the other: far-off starts find their way, the last fit is exact.
-const SOFTENED: [f64; 3] = [0.3, 0.06, 0.0];
 
 /// Nats that a step has to promise to be worth taking.
 const TOLERANCE: f64 = 0.02;
@@ -50,6 +48,8 @@ pub struct Fitted {
     /// Log-likelihood in nats, of the likelihoods that the free terms act on.
     pub log_likelihood: f64,
     minimum: Minimum,
+    /// Gradient of each scene at the minimum.
+    gradients: Vec<Vec<f64>>,
     free: Vec<Free>,
 }
 
@@ -107,40 +107,28 @@ pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
 }
 
 /// Fits the free terms. A free term that the model has is refitted (it is known by its name); any other is added to it.
-pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch]) -> Fitted {
-    fit_softened(model, free, acts_on, batches, &SOFTENED)
-}
-
-/// The same from a start that is nearly right.
-pub fn refit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch]) -> Fitted {
-    fit_softened(model, free, acts_on, batches, &[0.0])
-}
-
-fn fit_softened(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch], widths: &[f64]) -> Fitted {
+///
+/// The normals of the likelihood are widened by `widths`, one fit after the other, so that a start that is far off finds its way; the
+/// last fit is exact.
+pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch], widths: &[f64]) -> Fitted {
     let problem = Problem::new(model, free, acts_on, batches);
     let groups = Groups::new(free.iter().flat_map(Free::ranges).map(|r| r.len()));
     let mut x: Vec<f64> =
         free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect();
-    let mut minimum = None;
     for soften in widths.iter().copied() {
-        let last = soften == 0.0;
-        if !last && !(acts_on.range || acts_on.reflectance) {
-            continue;
-        }
-        let objective = Softened { problem: &problem, soften };
-        let found = groups.minimise(&objective, &x, if last { 12 } else { 3 }, if last { TOLERANCE } else { 1.0 });
-        x.clone_from(&found.x);
-        minimum = Some(found);
+        x = groups.minimise(&Softened { problem: &problem, soften }, &x, 3, 1.0).x;
     }
-    let minimum = minimum.unwrap_or_else(|| unreachable!("the last width is always fitted"));
+    let exact = Softened { problem: &problem, soften: 0.0 };
+    let minimum = groups.minimise(&exact, &x, 12, TOLERANCE);
+    let gradients = problem.gradients_by_scene(&minimum.x);
     let terms = problem.terms(&minimum.x);
-    Fitted { terms, log_likelihood: -minimum.value, minimum, free: free.to_vec() }
+    Fitted { terms, log_likelihood: -minimum.value, minimum, gradients, free: free.to_vec() }
 }
 
 impl Fitted {
     /// Standard errors of every number of the free terms, in a fit's units; 0 for numbers that were held.
     pub fn stderr(&self) -> Vec<Vec<f64>> {
-        let found = self.minimum.stderr();
+        let found = self.minimum.stderr(&self.gradients);
         let mut next = found.iter();
         self.free
             .iter()
@@ -193,6 +181,18 @@ impl<'a> Problem<'a> {
             acts_on,
             device: batches.first().map_or_else(Device::flex, |b| b.image.device()),
         }
+    }
+
+    /// The gradient of each scene's likelihood.
+    fn gradients_by_scene(&self, x: &[f64]) -> Vec<Vec<f64>> {
+        let parts: Vec<(usize, Vec<f64>)> =
+            self.batches.par_iter().map(|b| (b.batch.scene, self.of_batch(b, x, 0.0).1)).collect();
+        let mut scenes: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for (scene, gradient) in parts {
+            let sum = scenes.entry(scene).or_insert_with(|| vec![0.0; x.len()]);
+            sum.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+        }
+        scenes.into_values().collect()
     }
 
     fn terms(&self, x: &[f64]) -> Vec<Term> {

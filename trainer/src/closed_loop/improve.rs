@@ -5,8 +5,8 @@ use burn::tensor::Tensor;
 
 use super::candidate::{Halves, Trial};
 use super::data::Batch;
-use super::fit::{Fitted, Free, refit, score};
-use super::model::{SensorModel, Term};
+use super::fit::{Fitted, Free, fit, score};
+use super::model::SensorModel;
 use super::outcome::{Candidate, Found, Interval, Outcome, Round};
 use super::significance::benjamini_hochberg;
 use crate::effects::{ActsOn, Evidence, library};
@@ -39,8 +39,14 @@ pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progre
         let halves = Halves::new(&model, batches.clone());
         let mut trials = try_all(&model, &halves, progress);
         let q = benjamini_hochberg(&trials.iter().map(|t| t.p_value).collect::<Vec<_>>());
-        let mut judged: Vec<(Trial, f64, bool)> =
-            trials.drain(..).zip(q).map(|(t, q)| { let passed = passes(&t, q, halves.rays); (t, q, passed) }).collect();
+        let mut judged: Vec<(Trial, f64, bool)> = trials
+            .drain(..)
+            .zip(q)
+            .map(|(t, q)| {
+                let passed = passes(&t, q, halves.rays);
+                (t, q, passed)
+            })
+            .collect();
         judged.sort_by(|a, b| b.0.gain.value.total_cmp(&a.0.gain.value));
         let mut round = Round {
             candidates: judged
@@ -61,8 +67,10 @@ pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progre
             break;
         };
         // Of those that explain the data as well as the best, the simplest; the others that are no more complicated are ties.
-        let as_good: Vec<&&(Trial, f64, bool)> =
-            passed.iter().filter(|j| std::ptr::eq(&raw const j.0, &raw const *best) || j.0.is_as_good_as(best)).collect();
+        let as_good: Vec<&&(Trial, f64, bool)> = passed
+            .iter()
+            .filter(|j| std::ptr::eq(&raw const j.0, &raw const *best) || j.0.is_as_good_as(best))
+            .collect();
         let Some((winner, q, _)) = as_good.iter().min_by_key(|j| j.0.size()).map(|j| &***j) else { break };
         let ties: Vec<String> = as_good
             .iter()
@@ -132,7 +140,7 @@ fn passes(trial: &Trial, q: f64, rays: f64) -> bool {
 /// Refits every term of a model, the noise floor included.
 fn refit_all(model: &SensorModel, batches: &[&Batch]) -> Fitted {
     let free: Vec<Free> = model.terms.iter().cloned().map(Free::all).collect();
-    refit(model, &free, ActsOn::ALL, batches)
+    fit(model, &free, ActsOn::ALL, batches, &[])
 }
 
 /// Drops effects whose absence the others make up for; declared ones stay.
@@ -182,4 +190,3 @@ pub fn evidence(model: &SensorModel, batches: &[&Batch]) -> Evidence {
 fn numbers(x: &Tensor<3>) -> Vec<f32> {
     x.clone().into_data().iter::<f32>().collect()
 }
-

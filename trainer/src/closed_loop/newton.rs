@@ -129,16 +129,28 @@ impl Groups {
 }
 
 impl Minimum {
-    /// Standard errors, if the value is a negative log-likelihood: square roots of the inverse Hessian's diagonal.
-    pub fn stderr(&self) -> Vec<f64> {
+    /// Standard errors, if the value is a negative log-likelihood: the larger of what the curvature says, which trusts the model, and of
+    /// what the scenes' gradients say, which does not (H⁻¹ Σ g gᵀ H⁻¹, clustered by scene: Huber 1967, Liang and Zeger 1986).
+    pub fn stderr(&self, gradients: &[Vec<f64>]) -> Vec<f64> {
+        let n = self.x.len();
         let eigen = SymmetricEigen::new(self.hessian.clone());
         let floor = 1e-9 * eigen.eigenvalues.amax().max(1e-12);
-        (0..self.x.len())
+        let inverse = DMatrix::from_fn(n, n, |i, j| {
+            let along =
+                |k: usize| eigen.eigenvectors[(i, k)] * eigen.eigenvectors[(j, k)] / eigen.eigenvalues[k].max(floor);
+            (0..n).map(along).sum::<f64>()
+        });
+        let moves: Vec<DVector<f64>> = gradients.iter().map(|g| &inverse * DVector::from_column_slice(g)).collect();
+        let scenes = moves.len() as f64;
+        (0..n)
             .map(|i| {
-                let variance: f64 = (0..self.x.len())
-                    .map(|j| eigen.eigenvectors[(i, j)].powi(2) / eigen.eigenvalues[j].max(floor))
-                    .sum();
-                variance.sqrt()
+                let trusting = inverse[(i, i)].max(0.0);
+                let clustered = if moves.len() < 3 {
+                    0.0
+                } else {
+                    moves.iter().map(|m| m[i] * m[i]).sum::<f64>() * scenes / (scenes - 1.0)
+                };
+                trusting.max(clustered).sqrt()
             })
             .collect()
     }

@@ -110,6 +110,9 @@ mod tests {
         assert!(p_value(&blocks(&[1.0, 1.2, 0.9, 1.1])) < 1e-6);
         assert!(p_value(&blocks(&[1.0, -1.2, 0.9, -1.1])) > 0.4);
         let interval = interval(&blocks(&[1.0, 1.2, 0.9, 1.1]), 4.0, 1);
-        assert!((interval.value - 1.05).abs() < 1e-9 && interval.ci95[0] > 0.85 && interval.ci95[1] < 1.25, "{interval:?}");
+        assert!(
+            (interval.value - 1.05).abs() < 1e-9 && interval.ci95[0] > 0.85 && interval.ci95[1] < 1.25,
+            "{interval:?}"
+        );
     }
 }

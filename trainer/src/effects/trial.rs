@@ -38,7 +38,7 @@ impl Trial {
         let acts_on = term.effect.about().acts_on;
         let ideal = SensorModel::ideal(sensor.rings().len());
         let free = [Free::noise(ideal.terms[0].clone(), acts_on), Free::all(term)];
-        let fitted: Fitted = fit(&ideal, &free, acts_on, &refs);
+        let fitted: Fitted = fit(&ideal, &free, acts_on, &refs, &[0.3, 0.06]);
         let stderr = fitted.terms[1].physical_stderr(&fitted.stderr()[1]);
         Self { truth: truth.to_vec(), found: fitted.terms[1].physical(), stderr }
     }
