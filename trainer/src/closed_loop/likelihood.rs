@@ -8,6 +8,7 @@
 use burn::tensor::Tensor;
 
 use crate::effects::Image;
+use crate::effects::draw::cumulative;
 use crate::effects::image::Quantum;
 
 /// Probability of a return where nothing explains one: keeps the logarithm finite, and any explanation better than none.
@@ -101,11 +102,6 @@ pub fn returns(image: &Image, observed: &Observed) -> Tensor<3> {
 /// Standard normal density.
 fn normal(z: &Tensor<3>) -> Tensor<3> {
     (z.clone().square() * -0.5).exp() * (1.0 / (2.0 * std::f64::consts::PI).sqrt())
-}
-
-/// Standard normal distribution function.
-pub(crate) fn cumulative(z: &Tensor<3>) -> Tensor<3> {
-    (z.clone() * std::f64::consts::FRAC_1_SQRT_2).erf() * 0.5 + 0.5
 }
 
 /// Density of a normal number that is rounded to multiples of a step and then blurred a little.

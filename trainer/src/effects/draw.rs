@@ -84,6 +84,11 @@ pub fn normal(u: Tensor<3>) -> Tensor<3> {
     centre.mask_where(w.greater_equal_elem(5.0), tail) * x * std::f64::consts::SQRT_2
 }
 
+/// Standard normal distribution function.
+pub(crate) fn cumulative(z: &Tensor<3>) -> Tensor<3> {
+    (z.clone() * std::f64::consts::FRAC_1_SQRT_2).erf() * 0.5 + 0.5
+}
+
 fn horner(w: &Tensor<3>, coefficients: &[f64]) -> Tensor<3> {
     let first = w.clone() * 0.0 + coefficients[0];
     coefficients[1..].iter().fold(first, |sum, c| sum * w.clone() + *c)

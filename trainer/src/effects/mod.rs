@@ -16,9 +16,18 @@ pub mod surface;
 #[cfg(test)]
 pub(crate) mod trial;
 
+mod blocked_sector;
+mod blooming;
+mod drift;
 mod elevation_offset;
+mod fog;
 mod noise_floor;
+mod precipitation;
+mod random_returns;
+mod range_limits;
 mod ring_gain;
+mod specular;
+mod weak_return_drop;
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -52,7 +61,19 @@ pub trait Effect: Debug + Send + Sync {
 
 /// Every effect of the library, for a sensor of `rings` rings.
 pub fn library() -> Vec<Arc<dyn Effect>> {
-    vec![Arc::new(elevation_offset::ElevationOffset), Arc::new(ring_gain::RingGain)]
+    vec![
+        Arc::new(elevation_offset::ElevationOffset),
+        Arc::new(ring_gain::RingGain),
+        Arc::new(weak_return_drop::WeakReturnDrop),
+        Arc::new(specular::Specular),
+        Arc::new(fog::Fog),
+        Arc::new(range_limits::RangeLimits),
+        Arc::new(blocked_sector::BlockedSector),
+        Arc::new(random_returns::RandomReturns),
+        Arc::new(blooming::Blooming),
+        Arc::new(precipitation::Precipitation),
+        Arc::new(drift::Drift),
+    ]
 }
 
 /// What an effect is.

@@ -1,0 +1,75 @@
+//! Returns too weak to be detected.
+
+use super::draw::cumulative;
+use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
+
+/// keep · Φ((ln P − ln P₀)/s), with P = ρ·cos α·e^{−2βr}/r² the power of a Lambertian target that fills the beam.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WeakReturnDrop;
+
+/// Surfaces darker than this are taken to be as dark, so that the power has a logarithm.
+const DARKEST: f32 = 1e-3;
+
+impl Effect for WeakReturnDrop {
+    fn about(&self) -> About {
+        About {
+            name: "weak_return_drop",
+            does: "loses returns of dark, slanted or far surfaces: every other one at a received power ρ·cos α/r² of {p_min_per_m2} per m²",
+            channel: Channel::Missing,
+            acts_on: ActsOn::RETURNS,
+            covariates: &["range", "incidence", "reflectance"],
+            formula: "keep · Φ((ln(ρ·cos α·e^{−2βr}/r²) − ln P₀)/s)",
+            source: "lidar equation with a detection threshold: Kilic et al., LISA (2021); Wagner et al., ISPRS J. 60 (2006)",
+        }
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        vec![
+            Parameter::positive("p_min_per_m2", 1e-9, (1e-9, 1.0)),
+            Parameter::positive("softness", 0.5, (0.02, 5.0)),
+            Parameter::free("beta_per_m", 0.002, (-0.005, 0.1)),
+        ]
+    }
+
+    fn forward(&self, values: &Values, mut image: Image) -> Image {
+        let surface = &image.surface;
+        let range_m = surface.range_m.clone().clamp_min(0.1);
+        let power = surface.reflectance.clone().clamp_min(DARKEST) * surface.cos_incidence.clone();
+        let power = (power / range_m.clone().square()).log() - range_m * values.one(2) * 2.0;
+        let detected = cumulative(&((power - values.one(0).log()) / values.one(1)));
+        image.report.keep = image.report.keep * detected;
+        image
+    }
+
+    fn starts(&self, evidence: &Evidence) -> Vec<Vec<f64>> {
+        let power = |i: usize| {
+            let range_m = evidence.range_m[i].max(0.1);
+            evidence.surface_reflectance[i].max(DARKEST) * evidence.cos_incidence[i] / (range_m * range_m)
+        };
+        let hit = evidence.pixels().filter(|i| evidence.range_m[*i] > 0.0);
+        let powers: Vec<f32> = hit.map(power).collect();
+        let thresholds = [0.005, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
+        let thresholds = thresholds.iter().filter_map(|q| Evidence::quantile(powers.iter().copied(), *q));
+        let candidates = thresholds.flat_map(|p_min| [0.1, 0.4, 1.5].map(|softness| vec![p_min, softness, 0.0]));
+        let detected = |candidate: &[f64], i: usize| {
+            let z = (f64::from(power(i)) / candidate[0]).ln() / candidate[1];
+            // The logistic function of 1.702 z is within 0.01 of the normal distribution function (Haley 1952).
+            1.0 / (1.0 + (-1.702 * z).exp())
+        };
+        evidence.likeliest(candidates, detected).into_iter().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::effects::trial::Trial;
+
+    #[test]
+    fn a_fit_finds_the_weakest_power() {
+        let trial = Trial::of(Arc::new(WeakReturnDrop), &[1e-4, 0.4, 0.0]);
+        trial.each_within(&[2e-5, 0.1, 0.004]);
+    }
+}
