@@ -23,7 +23,7 @@ impl Effect for BlockedSector {
             acts_on: ActsOn::RETURNS,
             covariates: &["azimuth", "ring"],
             formula: "keep · (1 − d) for θ₁ < θ < θ₂, k₁ ≤ k ≤ k₂",
-            source: "Trierweiler et al., Automatic Targetless Detection of Lidar Window Contamination (2020); James et al., Classification of Lidar Sensor Contaminations with Deep Neural Networks (2018)",
+            source: "Trierweiler et al., Influence of Sensor Blockage on Automotive LiDAR Systems (2019)",
         }
     }
 
