@@ -4,6 +4,7 @@
 //! them — into the image of a sensor that has the effect. It is written once, in Burn tensors: the closed loop fits it by automatic
 //! differentiation, and the exporter captures the same forward pass into `model.onnx`.
 
+pub mod covariate;
 pub mod draw;
 pub mod evidence;
 pub mod extra;
@@ -12,6 +13,7 @@ mod neighbours;
 pub mod parameter;
 pub mod rays;
 mod resample;
+pub mod smooth_table;
 pub mod surface;
 #[cfg(test)]
 pub(crate) mod trial;
@@ -32,6 +34,7 @@ mod weak_return_drop;
 use std::fmt::Debug;
 use std::sync::Arc;
 
+pub use covariate::Covariate;
 pub use draw::{Drawn, NOISE_CHANNELS};
 pub use evidence::Evidence;
 pub use extra::{Extra, Place};
@@ -39,6 +42,7 @@ pub use image::{Image, Simulated};
 pub use noise_floor::NoiseFloor;
 pub use parameter::{Extent, Kind, Parameter, Values};
 pub use rays::{Bend, Rays};
+pub use smooth_table::{SmoothTable, Target};
 pub use surface::Surface;
 
 /// A sensor effect.

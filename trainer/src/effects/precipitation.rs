@@ -19,7 +19,7 @@ impl Effect for Precipitation {
             acts_on: ActsOn { range: true, reflectance: false, returns: true },
             covariates: &["range"],
             formula: "p = 1 − exp(−c·ℓ·(1 − e^{−(r − x₀)/ℓ})), density ∝ e^{−(x − x₀)/ℓ}",
-            source: "Berk et al., A Stochastic Physical Simulation Framework to Quantify the Effect of Rainfall on Automotive Lidar (2019); Hasirlioglu and Riener, A Model-Based Approach to Simulate Rain Effects on Automotive Surround Sensor Data (2018)",
+            source: "Rasshofer, Spies and Spies, Influences of weather phenomena on automotive laser radar systems (2011); Hasirlioglu and Riener, A Model-Based Approach to Simulate Rain Effects on Automotive Surround Sensor Data (2018)",
         }
     }
 
