@@ -7,6 +7,8 @@
 pub mod covariate;
 pub mod draw;
 pub mod evidence;
+#[cfg(test)]
+mod exported;
 pub mod extra;
 pub mod image;
 mod neighbours;
