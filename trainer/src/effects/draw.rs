@@ -4,7 +4,8 @@ use burn::tensor::Tensor;
 
 use super::image::Image;
 
-/// Uniform numbers that [`Image::draw`] wants for each ray: range noise, reflectance noise, which return it is, where it is.
+/// Uniform numbers that [`Image::draw`] wants for each ray: range noise, reflectance noise, which return it is, and where
+/// it is or how it strays from a step or a maximum.
 pub const NOISE_CHANNELS: usize = 4;
 
 /// A drawn scan, `[batch, ring, column]`.
@@ -26,22 +27,30 @@ impl Image {
         let report = &self.report;
         let keep = self.reported();
         let mut range_m = report.range_m.clone() + normal(range_noise) * report.range_sigma_m.clone();
-        let mut reflectance = report.reflectance.clone() + normal(reflectance_noise) * report.reflectance_sigma.clone();
+        let (sigma, like) = (&report.reflectance_sigma, range_m.zeros_like());
+        let mut reflectance = report.reflectance.clone() + normal(reflectance_noise) * sigma.clone();
+        if let Some(ceiling) = &self.ceiling {
+            let scatter = normal(place.clone()) * ceiling.scatter.clone();
+            reflectance = reflectance.min_pair(like.clone() + ceiling.maximum.clone()) + scatter;
+        }
         if let Some(mixed) = &self.mixed {
             let share = place.clone() / mixed.probability.clone().clamp_min(1e-9);
             let between = mixed.near_m.clone() + share.clone() * (mixed.far_m.clone() - mixed.near_m.clone());
-            range_m = range_m.mask_where(share.lower_elem(1.0), between);
+            range_m = range_m.mask_where(share.lower_elem(1.0), between + self.range_error_m());
         }
-        // Extra returns replace the surface's, the later ones the earlier: `which` is used up from below.
-        let mut left = which * keep.clone();
+        // Extra returns replace the surface's, the later ones the earlier: `which` is used up from above.
+        let which = which * keep.clone();
+        let (mut above, mut none) = (keep.clone(), like.clone() + 1.0);
         for extra in self.extra.iter().rev() {
-            let come = left.clone().greater_equal(keep.clone() - extra.probability.clone());
-            range_m = range_m.mask_where(come.clone(), extra.place.draw(place.clone()));
-            reflectance = reflectance.mask_where(come, range_m.clone() * 0.0 + extra.reflectance.clone());
-            left = left + extra.probability.clone();
+            let below = above.clone() - none.clone() * extra.probability.clone();
+            let come = which.clone().greater_equal(below.clone()).bool_and(which.clone().lower(above));
+            range_m = range_m.mask_where(come.clone(), like.clone() + extra.place.draw(place.clone()));
+            reflectance = reflectance.mask_where(come, like.clone() + extra.reflectance.clone());
+            (above, none) = (below, none * (extra.probability.clone() * -1.0 + 1.0));
         }
         if let Some(quantum) = &self.quantum {
-            range_m = (range_m / quantum.step_m.clone()).round() * quantum.step_m.clone();
+            let tooth = normal(place) * quantum.tooth_m.clone();
+            range_m = (range_m / quantum.step_m.clone()).round() * quantum.step_m.clone() + tooth;
         }
         Drawn { range_m: range_m.clamp_min(0.0), reflectance: reflectance.clamp(0.0, 1.0), keep }
     }

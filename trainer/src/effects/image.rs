@@ -27,6 +27,8 @@ pub struct Image {
     pub mixed: Option<Mixed>,
     /// The step in which ranges are reported.
     pub quantum: Option<Quantum>,
+    /// The largest reflectance that is reported.
+    pub ceiling: Option<Ceiling>,
 }
 
 /// Distribution of a report.
@@ -64,10 +66,19 @@ pub struct Other {
 pub struct Mixed {
     /// Probability of one, given a return.
     pub probability: Tensor<3>,
-    /// The nearer surface, in m.
+    /// The nearer surface, in m; what else befalls the ray's range befalls it too.
     pub near_m: Tensor<3>,
     /// The farther one, in m.
     pub far_m: Tensor<3>,
+}
+
+/// Reflectances stop at a maximum: a report is min(I + noise, maximum), then scattered.
+#[derive(Clone, Debug)]
+pub struct Ceiling {
+    /// The maximum.
+    pub maximum: Tensor<3>,
+    /// Standard deviation of the scatter: next to none where reports pile up at the very maximum.
+    pub scatter: Tensor<3>,
 }
 
 /// Ranges come in multiples of a step.
@@ -118,6 +129,7 @@ impl Image {
             extra: vec![],
             mixed: None,
             quantum: None,
+            ceiling: None,
         }
     }
 
@@ -135,6 +147,11 @@ impl Image {
                 here + other.weight.clone() * other.hit.clone()
             }
         }
+    }
+
+    /// By how much the mean range differs from the surface's, in m.
+    pub fn range_error_m(&self) -> Tensor<3> {
+        self.report.range_m.clone() - self.surface.range_m.clone()
     }
 
     /// Probability that none of the extra returns comes.
