@@ -54,15 +54,16 @@ impl Trial {
     pub fn of(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
         let acts_on = effect.about().acts_on;
         let term = Term::new(Arc::clone(effect), evidence.rings);
-        let starts = effect.starts(evidence);
+        let guesses = effect.starts(evidence);
         let starts =
-            if starts.is_empty() { vec![term.clone()] } else { starts.iter().map(|s| term.clone().at(s)).collect() };
+            if guesses.is_empty() { vec![term.clone()] } else { guesses.iter().map(|s| term.clone().at(s)).collect() };
         let noise = Free::noise(model.terms[0].clone(), acts_on);
         let [first, second] = &halves.batches;
         let attempt = |start: &Term, widths: &[f64]| {
             fit(model, &[noise.clone(), Free::all(start.clone())], acts_on, first, widths)
         };
-        let widths = widths(evidence, acts_on);
+        // A guess is near enough: wide normals would lead away from a needle.
+        let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
         let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
         let nothing: f64 = halves.scores[0].iter().map(|s| s.of(acts_on)).sum();
         if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {

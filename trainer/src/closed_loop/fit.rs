@@ -10,7 +10,7 @@ use super::data::Batch;
 use super::likelihood;
 use super::model::{SensorModel, Term};
 use super::newton::{Groups, Minimum, Objective};
-use crate::effects::{ActsOn, Image};
+use crate::effects::{ActsOn, Image, Kind};
 
 /// Nats that a step has to promise to be worth taking.
 const TOLERANCE: f64 = 0.02;
@@ -69,9 +69,10 @@ impl Score {
 }
 
 impl Free {
-    /// All numbers of a term.
+    /// All numbers of a term that a fit can move.
     pub fn all(term: Term) -> Self {
-        let parameters = (0..term.parameters.len()).collect();
+        let moves = |i: &usize| term.parameters[*i].kind != Kind::Found;
+        let parameters = (0..term.parameters.len()).filter(moves).collect();
         Self { term, parameters }
     }
 
@@ -84,6 +85,12 @@ impl Free {
         };
         let parameters = (0..term.parameters.len()).filter(belongs).collect();
         Self { term, parameters }
+    }
+
+    /// The kind of each of its numbers.
+    fn kinds(&self) -> Vec<Kind> {
+        let layout = self.term.layout();
+        self.parameters.iter().flat_map(|i| vec![layout[*i].0.kind; layout[*i].1.len()]).collect()
     }
 
     fn ranges(&self) -> Vec<Range<usize>> {
@@ -116,7 +123,10 @@ pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batc
     let mut x: Vec<f64> =
         free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect();
     for soften in widths.iter().copied() {
-        x = groups.minimise(&Softened { problem: &problem, soften }, &x, 3, 1.0).x;
+        let found = groups.minimise(&Softened { problem: &problem, soften }, &x, 3, 1.0).x;
+        // Under widened normals the means can be found, but every spread seems too large: spreads begin anew.
+        let is_mean = free.iter().flat_map(Free::kinds).map(|kind| kind == Kind::Free);
+        x.iter_mut().zip(found).zip(is_mean).filter(|(_, mean)| *mean).for_each(|((x, found), _)| *x = found);
     }
     let exact = Softened { problem: &problem, soften: 0.0 };
     let minimum = groups.minimise(&exact, &x, 12, TOLERANCE);

@@ -29,7 +29,8 @@ pub type Progress<'p> = &'p dyn Fn(&str);
 /// Closes the loop on the scenes of both halves. Nothing else is looked at.
 pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progress<'_>) -> Outcome {
     let all = batches.concat();
-    let fitted = refit_all(before, &all);
+    let before = before.clone().with_noise_of(&evidence(before, &all));
+    let fitted = refit_all(&before, &all);
     let before = before.with(&fitted.terms);
     let mut model = before.clone();
     let declared: Vec<String> = model.effects().iter().map(|t| t.name().to_owned()).collect();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use burn::tensor::{Tensor, s};
 
-use crate::effects::{Channel, Effect, Image, NoiseFloor, Parameter, Values};
+use crate::effects::{Channel, Effect, Evidence, Image, Kind, NoiseFloor, Parameter, Values};
 
 /// An effect with the values of its parameters.
 #[derive(Clone, Debug)]
@@ -80,11 +80,10 @@ impl Term {
         let mut out = Vec::with_capacity(stderr.len());
         for (parameter, range) in self.layout() {
             let start = parameter.kind.to_line(parameter.start);
-            out.extend(
-                range.map(|i| {
-                    parameter.scale * parameter.kind.slope(start + parameter.scale * self.fitted[i]) * stderr[i]
-                }),
-            );
+            out.extend(range.map(|i| match parameter.kind {
+                Kind::Found => parameter.scale,
+                kind => parameter.scale * kind.slope(start + parameter.scale * self.fitted[i]) * stderr[i],
+            }));
         }
         out
     }
@@ -115,6 +114,15 @@ impl SensorModel {
     /// A noise floor alone.
     pub fn ideal(rings: usize) -> Self {
         Self { terms: vec![Term::new(Arc::new(NoiseFloor), rings)] }
+    }
+
+    /// The same model with the noise that evidence of it shows: where a fit of the noise floor should start.
+    #[must_use]
+    pub fn with_noise_of(mut self, evidence: &Evidence) -> Self {
+        if let Some(start) = self.terms[0].effect.starts(evidence).first() {
+            self.terms[0] = self.terms[0].clone().at(start);
+        }
+        self
     }
 
     /// The effects, without the noise floor.

@@ -8,6 +8,9 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 /// Step of the differences, in units in which parameters have a size of about 1.
 const STEP: f64 = 0.02;
 
+/// Longest step along a direction, in the same units.
+const LONGEST: f64 = 10.0;
+
 /// A function and its gradient.
 pub trait Objective {
     /// Value and gradient at `x`.
@@ -87,24 +90,17 @@ impl Groups {
     pub fn minimise(&self, objective: &dyn Objective, x: &[f64], steps: usize, tolerance: f64) -> Minimum {
         let mut x = x.to_vec();
         let (mut value, mut gradient) = objective.evaluate(&x);
-        let mut damping = 0.0;
+        let mut reach = LONGEST;
         let mut hessian = self.hessian(objective, &x, &gradient);
         for _ in 0..steps {
             let eigen = SymmetricEigen::new(hessian.clone());
             let largest = eigen.eigenvalues.amax().max(1e-12);
-            let step_with = |damping: f64| {
-                let along = eigen.eigenvectors.transpose() * DVector::from_column_slice(&gradient);
-                let scaled = DVector::from_fn(along.len(), |i, _| {
-                    -along[i] / (eigen.eigenvalues[i].abs().max(1e-7 * largest) + damping * largest)
-                });
-                // No number moves by more than ten times its typical size at once.
-                let step = &eigen.eigenvectors * scaled;
-                let longest = step.amax();
-                if longest > 10.0 { step * (10.0 / longest) } else { step }
-            };
+            let along = eigen.eigenvectors.transpose() * DVector::from_column_slice(&gradient);
+            let full = DVector::from_fn(along.len(), |i, _| -along[i] / eigen.eigenvalues[i].abs().max(1e-7 * largest));
             let mut accepted = false;
-            for _ in 0..6 {
-                let step = step_with(damping);
+            for _ in 0..8 {
+                // Each direction by itself, so that one that is flat does not hold back those that are known.
+                let step = &eigen.eigenvectors * full.map(|along| along.clamp(-reach, reach));
                 let promised = -DVector::from_column_slice(&gradient).dot(&step);
                 if promised.abs() < tolerance {
                     break;
@@ -113,11 +109,11 @@ impl Groups {
                 let (new_value, new_gradient) = objective.evaluate(&there);
                 if new_value.is_finite() && new_value < value {
                     (x, value, gradient) = (there, new_value, new_gradient);
-                    damping = if damping < 1e-6 { 0.0 } else { damping * 0.1 };
+                    reach = (2.0 * reach).min(LONGEST);
                     accepted = true;
                     break;
                 }
-                damping = (damping * 10.0).max(1e-4);
+                reach = 0.25 * reach.min(full.amax());
             }
             if !accepted {
                 break;

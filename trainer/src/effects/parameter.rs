@@ -40,6 +40,9 @@ pub enum Kind {
     Positive,
     /// Between 0 and 1: fitted as its logit.
     Probability,
+    /// Any number, which only [`Effect::starts`](super::Effect::starts) can find, because the likelihood is flat but for a needle: a fit
+    /// holds it, and [`Parameter::scale`] is its standard error.
+    Found,
 }
 
 impl Parameter {
@@ -56,6 +59,11 @@ impl Parameter {
     /// A probability.
     pub const fn probability(name: &'static str, start: f64, prior: (f64, f64)) -> Self {
         Self { name, extent: Extent::One, kind: Kind::Probability, start, scale: 0.5, prior }
+    }
+
+    /// A number that a search finds with this standard error, and no fit moves.
+    pub const fn found(name: &'static str, start: f64, stderr: f64, prior: (f64, f64)) -> Self {
+        Self { name, extent: Extent::One, kind: Kind::Found, start, scale: stderr, prior }
     }
 
     /// The same, one a ring.
@@ -84,7 +92,7 @@ impl Kind {
     /// From the parameter's own values to the line that a fit moves on.
     pub fn to_line(self, value: f64) -> f64 {
         match self {
-            Self::Free => value,
+            Self::Free | Self::Found => value,
             Self::Positive => value.max(1e-12).ln(),
             Self::Probability => (value.clamp(1e-9, 1.0 - 1e-9) / (1.0 - value.clamp(1e-9, 1.0 - 1e-9))).ln(),
         }
@@ -93,7 +101,7 @@ impl Kind {
     /// The way back.
     pub fn from_line(self, line: f64) -> f64 {
         match self {
-            Self::Free => line,
+            Self::Free | Self::Found => line,
             Self::Positive => line.exp(),
             Self::Probability => 1.0 / (1.0 + (-line).exp()),
         }
@@ -102,7 +110,7 @@ impl Kind {
     /// Derivative of the way back: what turns a standard error on the line into one of the parameter.
     pub fn slope(self, line: f64) -> f64 {
         match self {
-            Self::Free => 1.0,
+            Self::Free | Self::Found => 1.0,
             Self::Positive => line.exp(),
             Self::Probability => self.from_line(line) * (1.0 - self.from_line(line)),
         }
@@ -111,7 +119,7 @@ impl Kind {
     /// The way back, for a tensor.
     pub fn tensor_from_line(self, line: Tensor<1>) -> Tensor<1> {
         match self {
-            Self::Free => line,
+            Self::Free | Self::Found => line,
             Self::Positive => line.exp(),
             Self::Probability => burn::tensor::activation::sigmoid(line),
         }

@@ -40,6 +40,7 @@ impl Trial {
         let refs: Vec<&Batch> = data.iter().collect();
         let acts_on = term.effect.about().acts_on;
         let ideal = SensorModel::ideal(sensor.rings().len());
+        let ideal = ideal.clone().with_noise_of(&evidence(&ideal, &refs));
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);
         let level = SensorModel { terms: fit(&ideal, &[noise], acts_on, &refs, &[]).terms };
         let noise = Free::noise(level.terms[0].clone(), acts_on);
