@@ -25,11 +25,22 @@ mod blooming;
 mod drift;
 mod elevation_offset;
 mod fog;
+mod incidence_falloff;
+mod incidence_stretch;
+mod mixed_pixels;
 mod noise_floor;
 mod precipitation;
+mod quantisation;
 mod random_returns;
 mod range_limits;
+mod range_noise;
+mod range_offset;
+mod range_scale;
+mod range_walk;
+mod reflectance_falloff;
+mod reflectance_gain;
 mod ring_gain;
+mod saturation;
 mod specular;
 mod weak_return_drop;
 
@@ -69,7 +80,19 @@ pub trait Effect: Debug + Send + Sync {
 pub fn library() -> Vec<Arc<dyn Effect>> {
     vec![
         Arc::new(elevation_offset::ElevationOffset),
+        Arc::new(range_offset::RangeOffset),
+        Arc::new(range_offset::RangeOffsetPerRing),
+        Arc::new(range_scale::RangeScale),
+        Arc::new(range_walk::RangeWalk),
+        Arc::new(range_noise::RangeNoise),
+        Arc::new(incidence_stretch::IncidenceStretch),
+        Arc::new(mixed_pixels::MixedPixels),
+        Arc::new(quantisation::Quantisation),
+        Arc::new(reflectance_gain::ReflectanceGain),
         Arc::new(ring_gain::RingGain),
+        Arc::new(reflectance_falloff::ReflectanceFalloff),
+        Arc::new(incidence_falloff::IncidenceFalloff),
+        Arc::new(saturation::Saturation),
         Arc::new(weak_return_drop::WeakReturnDrop),
         Arc::new(specular::Specular),
         Arc::new(fog::Fog),
