@@ -67,12 +67,14 @@ impl Parameter {
     }
 
     /// The same, one a ring.
+    #[must_use]
     pub const fn per_ring(mut self) -> Self {
         self.extent = Extent::PerRing;
         self
     }
 
     /// The same, starting elsewhere.
+    #[must_use]
     pub const fn from(mut self, start: f64) -> Self {
         self.start = start;
         self

@@ -6,7 +6,7 @@ use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RangeOffset;
 
-/// r + b_k for every ring k.
+/// `r + b_k` for every ring k.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RangeOffsetPerRing;
 

@@ -2,7 +2,7 @@
 
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
-/// g_k·I + o_k for every ring k.
+/// `g_k·I + o_k` for every ring k.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingGain;
 
