@@ -73,10 +73,12 @@ impl Effect for BlockedSector {
         // The rings are found within the sector and the sector within the rings: a small spot takes two looks.
         for _ in 0..2 {
             let in_rings = |i| blocked_rings.contains(&ring(i)).then(|| column(i));
-            let Some(found) = worst_run(&count(number, &in_rings), true) else { return vec![] };
+            let columns = count(number, &in_rings);
+            let whole = columns.iter().fold(Count::default(), |a, b| a.and(*b));
+            let Some(found) = worst_run(&columns, whole.rate(), true) else { return vec![] };
             sector = found;
             let inside = |i| (sector.contains(&column(i)) || sector.contains(&(column(i) + number))).then(|| ring(i));
-            blocked_rings = worst_run(&count(rings, &inside), false).unwrap_or(0..rings);
+            blocked_rings = worst_run(&count(rings, &inside), whole.rate(), false).unwrap_or(0..rings);
         }
         let (mut expected, mut seen) = (0.0, 0.0);
         for i in evidence.pixels() {
@@ -105,23 +107,19 @@ struct Count {
     seen: f64,
 }
 
-/// The run of neighbours, at most half of them if they go round in a circle, that lacks returns most significantly by the likelihood ratio
-/// of two Poisson rates; in a circle it may end beyond the last.
-fn worst_run(counts: &[Count], circle: bool) -> Option<std::ops::Range<usize>> {
+/// The run of neighbours, at most half of them if they go round in a circle, that lacks returns most significantly against a base rate, by
+/// the likelihood ratio of Poisson counts; in a circle it may end beyond the last.
+fn worst_run(counts: &[Count], base: f64, circle: bool) -> Option<std::ops::Range<usize>> {
     let n = counts.len();
-    let whole = counts.iter().fold(Count::default(), |a, b| a.and(*b));
     let mut best = (1e-9, None);
     for from in 0..n {
         let mut run = Count::default();
         let longest = if circle { n / 2 } else { n - from };
         for length in 1..=longest {
             run = run.and(counts[(from + length - 1) % n]);
-            let rest = Count { expected: whole.expected - run.expected, seen: whole.seen - run.seen };
-            if run.rate() < rest.rate() || (!circle && length == n) {
-                let gain = run.log_likelihood() + rest.log_likelihood() - whole.log_likelihood();
-                if gain > best.0 {
-                    best = (gain, Some(from..from + length));
-                }
+            let gain = run.gain(base);
+            if run.rate() < base && gain > best.0 {
+                best = (gain, Some(from..from + length));
             }
         }
     }
@@ -137,9 +135,10 @@ impl Count {
         self.seen / self.expected.max(1e-9)
     }
 
-    /// Of as many returns as came, at the likeliest rate, without what does not depend on rates.
-    fn log_likelihood(self) -> f64 {
-        if self.seen < 0.5 { 0.0 } else { self.seen * self.rate().ln() - self.seen }
+    /// Log-likelihood ratio of its own rate to another.
+    fn gain(self, base: f64) -> f64 {
+        let surprise = if self.seen < 0.5 { 0.0 } else { self.seen * (self.rate() / base).ln() };
+        surprise - (self.seen - base * self.expected)
     }
 }
 

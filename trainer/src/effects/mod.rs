@@ -11,6 +11,7 @@ pub mod evidence;
 mod exported;
 pub mod extra;
 pub mod image;
+mod incidence;
 mod neighbours;
 pub mod parameter;
 pub mod rays;

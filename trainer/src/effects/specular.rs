@@ -2,18 +2,16 @@
 
 use burn::tensor::Tensor;
 
-use super::surface::dot;
+use super::incidence::on_wet_ground;
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
-/// keep·(1 − w·R) and I·(1 − d·R) on level surfaces, R = R₀ + (1 − R₀)(1 − cos α)⁵ being what a film of water reflects.
+/// keep·(1 − w·R) and I·(1 − d·R) on sealed ground (where water soaks away, nothing happens), R being what a film of water reflects of
+/// unpolarised light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Specular;
 
-/// Reflectance of water at normal incidence: ((n − 1)/(n + 1))² for n = 1.33.
-const WATER: f64 = 0.02;
-
-/// Squared cosine of a surface's slope below which it does not hold water, and from which it does: 35° and 25°.
-const LEVEL: (f64, f64) = (0.67, 0.82);
+/// Refractive index of water.
+const WATER: f64 = 1.33;
 
 impl Effect for Specular {
     fn about(&self) -> About {
@@ -23,8 +21,8 @@ impl Effect for Specular {
             channel: Channel::Missing,
             acts_on: ActsOn { range: false, reflectance: true, returns: true },
             covariates: &["incidence"],
-            formula: "keep·(1 − w·R(α)), I·(1 − d·R(α)) on level surfaces",
-            source: "Schlick, An Inexpensive BRDF Model for Physically-based Rendering (1994); wet ground: Hahner et al., LiDAR Snowfall Simulation (2022)",
+            formula: "keep·(1 − w·R(α)), I·(1 − d·R(α)) on sealed ground",
+            source: "Fresnel's equations: Born and Wolf, Principles of Optics, 1.5; wet ground: Hahner et al., LiDAR Snowfall Simulation (2022)",
         }
     }
 
@@ -33,17 +31,23 @@ impl Effect for Specular {
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let surface = &image.surface;
-        let up = surface.plane[2].clone().square() / dot(&surface.plane, &surface.plane).clamp_min(1e-12);
-        let level = ((up - LEVEL.0) / (LEVEL.1 - LEVEL.0)).clamp(0.0, 1.0);
-        let grazing = surface.cos_incidence.clone() * -1.0 + 1.0;
-        let fifth = grazing.clone().square().square() * grazing;
-        let mirrored = (fifth * (1.0 - WATER) + WATER) * level;
+        let (cosine, wet) = on_wet_ground(&image);
+        let mirrored = fresnel(&cosine) * wet;
         let left = |share: Tensor<3>| (mirrored.clone() * share * -1.0 + 1.0).clamp_min(0.0);
         image.report.keep = image.report.keep * left(values.one(0)).clamp_max(1.0);
         image.report.reflectance = image.report.reflectance * left(values.one(1));
         image
     }
+}
+
+/// Share of unpolarised light that water reflects, by the cosine of the angle of incidence: Fresnel's equations.
+fn fresnel(cosine: &Tensor<3>) -> Tensor<3> {
+    // n times the cosine of the angle of refraction, by Snell's law.
+    let refracted = (cosine.clone().square() + (WATER * WATER - 1.0)).sqrt();
+    let reflected = |a: Tensor<3>, b: Tensor<3>| ((a.clone() - b.clone()) / (a + b)).square();
+    let across = reflected(cosine.clone(), refracted.clone());
+    let along = reflected(cosine.clone() * (WATER * WATER), refracted);
+    (across + along) * 0.5
 }
 
 #[cfg(test)]
@@ -52,6 +56,16 @@ mod tests {
 
     use super::*;
     use crate::effects::trial::Trial;
+
+    #[test]
+    fn water_mirrors_two_percent_from_above_and_all_at_grazing_incidence() {
+        let cosine = Tensor::<1>::from_floats([1.0, 0.5, 1e-6], &burn::tensor::Device::flex()).reshape([1, 1, 3]);
+        let mirrored: Vec<f32> = fresnel(&cosine).into_data().iter().collect();
+        // At 60°, refracted to 40.63°: sin² 19.37°/sin² 100.63° = 0.1139 across and tan² 19.37°/tan² 100.63° = 0.0044 along.
+        for (mirrored, expected) in mirrored.iter().zip([0.0201, 0.0591, 1.0]) {
+            assert!((mirrored - expected).abs() < 2e-4, "{mirrored} for {expected}");
+        }
+    }
 
     #[test]
     fn a_fit_finds_both_shares() {

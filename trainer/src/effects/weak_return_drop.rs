@@ -1,6 +1,7 @@
 //! Returns too weak to be detected.
 
 use super::draw::cumulative;
+use super::incidence::log_cosine;
 use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
 
 /// keep · Φ((ln P − ln P₀)/s), with P = ρ·cos α·e^{−2βr}/r² the power of a Lambertian target that fills the beam.
@@ -34,9 +35,12 @@ impl Effect for WeakReturnDrop {
     fn forward(&self, values: &Values, mut image: Image) -> Image {
         let surface = &image.surface;
         let range_m = surface.range_m.clone().clamp_min(0.1);
-        let power = surface.reflectance.clone().clamp_min(DARKEST) * surface.cos_incidence.clone();
-        let power = (power / range_m.clone().square()).log() - range_m * values.one(2) * 2.0;
-        let detected = cumulative(&((power - values.one(0).log()) / values.one(1)));
+        let (log_cosine, doubt) = log_cosine(&image);
+        let power = (surface.reflectance.clone().clamp_min(DARKEST) / range_m.clone().square()).log() + log_cosine;
+        let power = power - range_m * values.one(2) * 2.0;
+        // Averaged over a normal ln cos α, the normal distribution function is one again, only wider.
+        let softness = (doubt + values.one(1).square()).sqrt();
+        let detected = cumulative(&((power - values.one(0).log()) / softness));
         image.report.keep = image.report.keep * detected;
         image
     }

@@ -1,0 +1,49 @@
+//! What can be said of the angle of incidence on each ray, also where the image shows no plane.
+
+use burn::tensor::Tensor;
+
+use super::image::Image;
+use super::surface::dot;
+
+/// Classes of the ground, sealed and not: road, parking, sidewalk, other ground; terrain.
+const SEALED: (f64, f64) = (9.0, 12.0);
+const TERRAIN: f64 = 17.0;
+
+/// Squared cosine of a slope from which and up to which a surface is less and less level: 25° and 35°.
+const LEVEL: (f64, f64) = (0.82, 0.67);
+
+/// 1 on ground that is sealed, as far as the classes say; 0 elsewhere.
+fn sealed(image: &Image) -> Tensor<3> {
+    let class = &image.surface.class;
+    class.clone().greater_elem(SEALED.0 - 0.5).float() * class.clone().lower_elem(SEALED.1 + 0.5).float()
+}
+
+/// Cosine of the angle of incidence and 1 where it is known: from the plane that the image shows, or on ground, taken to be level, from the
+/// ray's elevation.
+fn cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
+    let surface = &image.surface;
+    let terrain = (surface.class.clone() - TERRAIN).abs().lower_elem(0.5).float();
+    let ground = (sealed(image) + terrain) * (surface.known.clone() * -1.0 + 1.0);
+    let level = image.rays.elevation_rad.clone().sin().abs().clamp_min(0.01) + surface.range_m.zeros_like();
+    let cosine = surface.cos_incidence.clone().mask_where(ground.clone().greater_elem(0.5), level);
+    (cosine, surface.known.clone() + ground)
+}
+
+/// Mean and variance of ln cos α. Facets of any orientation are seen in proportion to the area that they show, which makes cos² α uniform,
+/// so of an unknown one ln cos α is −½ on average, with a variance of ¼.
+pub(super) fn log_cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
+    let (cosine, known) = cosine(image);
+    let unknown = known * -1.0 + 1.0;
+    // Where nothing is known the cosine is 1.
+    (cosine.log() - unknown.clone() * 0.5, unknown * 0.25)
+}
+
+/// Cosine of the angle of incidence, and to what part a film of water would stay: on sealed ground, or where classes are missing, on what
+/// is level.
+pub(super) fn on_wet_ground(image: &Image) -> (Tensor<3>, Tensor<3>) {
+    let surface = &image.surface;
+    let up = surface.plane[2].clone().square() / dot(&surface.plane, &surface.plane).clamp_min(1e-12);
+    let level = ((up - LEVEL.1) / (LEVEL.0 - LEVEL.1)).clamp(0.0, 1.0) * surface.known.clone();
+    let (cosine, _) = cosine(image);
+    (cosine, sealed(image) + level * surface.class.clone().lower_elem(0.5).float())
+}
