@@ -1,9 +1,11 @@
 //! Rain, snow or spray that returns light before the target does.
 
+use burn::tensor::Tensor;
+
 use super::{About, ActsOn, Channel, Effect, Extra, Image, Parameter, Place, Values};
 
-/// Drops are hit at a rate of c·e^{−(x − x₀)/ℓ} a metre from the sensor's nearest range x₀ on: the farther a drop the more often it is too
-/// faint. Up to a target at r, one is seen with probability 1 − exp(−c·ℓ·(1 − e^{−(r − x₀)/ℓ})).
+/// Drops are hit at a rate of c·e^{−x/ℓ} a metre: the farther a drop the more often it is too faint. Between the sensor's nearest range x₀
+/// and a target at r, one is seen with probability 1 − exp(−c·ℓ·(e^{−x₀/ℓ} − e^{−r/ℓ})).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Precipitation;
 
@@ -18,7 +20,7 @@ impl Effect for Precipitation {
             channel: Channel::Extra,
             acts_on: ActsOn { range: true, reflectance: false, returns: true },
             covariates: &["range"],
-            formula: "p = 1 − exp(−c·ℓ·(1 − e^{−(r − x₀)/ℓ})), density ∝ e^{−(x − x₀)/ℓ}",
+            formula: "p = 1 − exp(−c·ℓ·(e^{−x₀/ℓ} − e^{−r/ℓ})), density ∝ e^{−x/ℓ}",
             source: "Rasshofer, Spies and Spies, Influences of weather phenomena on automotive laser radar systems (2011); Hasirlioglu and Riener, A Model-Based Approach to Simulate Rain Effects on Automotive Surround Sensor Data (2018)",
         }
     }
@@ -36,7 +38,8 @@ impl Effect for Precipitation {
         let none = reach_m.clone() * 0.0;
         let empty = image.surface.hit.clone().lower_elem(0.5);
         let to_m = image.surface.range_m.clone().mask_fill(empty, to_m);
-        let within = ((to_m.clone() - from_m).clamp_min(0.0) / reach_m.clone() * -1.0).exp() * -1.0 + 1.0;
+        let beyond = |x: Tensor<3>| (x / reach_m.clone() * -1.0).exp();
+        let within = beyond(none.clone() + from_m) - beyond(to_m.clone().clamp_min(from_m));
         image.extra.push(Extra {
             probability: (within * (rate * reach_m.clone()) * -1.0).exp() * -1.0 + 1.0,
             place: Place::Exponential { from_m: none.clone() + from_m, scale_m: reach_m, to_m },
