@@ -1,5 +1,7 @@
 //! The command line.
 
+mod benchmark;
+
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -12,6 +14,8 @@ use trainer::evaluate::{Scores, evaluate};
 use trainer::simulate::{Simulation, simulate};
 use trainer::train::{Run, best_network, train};
 use trainer::{export, sensor_report};
+
+use benchmark::BenchmarkArgs;
 
 /// Learn what a real lidar makes of a simulated scan.
 #[derive(Debug, Parser)]
@@ -33,6 +37,8 @@ enum Command {
     Simulate(SimulateArgs),
     /// Estimate a spinning sensor from its scans, and report the points that projections lose.
     Sensor(SensorArgs),
+    /// Hide known defects from the closed loop and count how often it finds them.
+    BenchmarkLoop(BenchmarkArgs),
 }
 
 #[derive(Debug, Args)]
@@ -152,6 +158,7 @@ impl Cli {
                     println!("{}", path.display());
                 }
             }
+            Command::BenchmarkLoop(args) => args.run()?,
             Command::Sensor(args) => {
                 let report = sensor_report::report(&args.scans, &load_sensor(&args.builtin)?)?;
                 println!("{}", report.table);
