@@ -8,7 +8,7 @@ fn an_elevation_offset_is_named_with_its_angle_and_nothing_is_named_where_nothin
     let mut cases = Selection::short();
     cases.retain(|case| case.suite == Suite::Nothing || case.names == ["elevation_offset"]);
     let mut rows: Vec<Row> = Vec::new();
-    run(&cases, Run { extent: Extent::Short, jobs: 2 }, |row| {
+    run(&cases, Run { extent: Extent::Small, jobs: 2 }, |row| {
         rows.push(row);
         Ok(())
     })?;
@@ -34,7 +34,7 @@ fn an_elevation_offset_is_named_with_its_angle_and_nothing_is_named_where_nothin
 fn an_error_of_the_taker_ends_the_run() {
     let cases = Selection::short();
     let mut taken = 0;
-    let ended = run(&cases[2..3], Run { extent: Extent::Short, jobs: 1 }, |_| {
+    let ended = run(&cases[2..3], Run { extent: Extent::Small, jobs: 1 }, |_| {
         taken += 1;
         anyhow::bail!("the disk is full")
     });

@@ -28,7 +28,7 @@ pub enum Extent {
     /// Two frames in each of ten streets; sensors of 16–32 rings and 256–512 columns.
     Full,
     /// One frame in each of six streets; 16 rings and 256 columns.
-    Short,
+    Small,
 }
 
 impl Case {
@@ -59,7 +59,7 @@ impl Case {
         let recipe = Recipe { noise, ..Recipe::new(seed, sensor, hidden) };
         match extent {
             Extent::Full => recipe,
-            Extent::Short => Recipe { scenes: 6, frames_per_scene: 1, ..recipe },
+            Extent::Small => Recipe { scenes: 6, frames_per_scene: 1, ..recipe },
         }
     }
 }
@@ -79,7 +79,7 @@ mod tests {
     #[test]
     fn a_larger_size_is_the_same_set_with_more_of_the_defect() {
         let case = |size| Case { suite: Suite::Size, names: vec!["range_walk".into()], size, number: 3 };
-        let [small, large] = [0.5, 1.0].map(|size| case(size).recipe(Extent::Short));
+        let [small, large] = [0.5, 1.0].map(|size| case(size).recipe(Extent::Small));
         assert_eq!((small.seed, &small.sensor, small.noise), (large.seed, &large.sensor, large.noise));
         let amplitude_m = |recipe: &Recipe| recipe.hidden[0].truth()[0].1;
         assert_eq!(2.0 * amplitude_m(&small), amplitude_m(&large));

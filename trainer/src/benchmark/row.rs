@@ -189,7 +189,7 @@ pub(super) mod tests {
     pub(in crate::benchmark) fn row(suite: Suite, names: &[&str], answer: Answer) -> Row {
         let names = names.iter().map(|name| (*name).to_owned()).collect();
         let case = Case { suite, names, size: 1.0, number: 0 };
-        let recipe = case.recipe(Extent::Short);
+        let recipe = case.recipe(Extent::Small);
         Row {
             case,
             seed: recipe.seed,

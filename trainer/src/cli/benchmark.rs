@@ -27,6 +27,9 @@ pub(crate) struct BenchmarkArgs {
     /// Go on from the sets that OUT has already.
     #[arg(long, requires = "out")]
     resume: bool,
+    /// Small sets: one frame in each of six streets, 16 rings of 256 columns.
+    #[arg(long)]
+    small: bool,
     /// A handful of small sets, to see that everything runs.
     #[arg(long, conflicts_with_all = ["suite", "seeds", "only"])]
     short: bool,
@@ -39,11 +42,12 @@ impl BenchmarkArgs {
             bail!("--only {only}: no such defect; there are {}, {}", LIBRARY.join(", "), UNKNOWN.join(", "));
         }
         let suites = if self.suite.is_empty() { Suite::ALL.to_vec() } else { self.suite };
-        let (mut cases, extent) = if self.short {
-            (Selection::short(), Extent::Short)
+        let mut cases = if self.short {
+            Selection::short()
         } else {
-            (Selection { suites, seeds: self.seeds, only: self.only }.cases(), Extent::Full)
+            Selection { suites, seeds: self.seeds, only: self.only }.cases()
         };
+        let extent = if self.small || self.short { Extent::Small } else { Extent::Full };
         if let Some(path) = self.out.as_ref().filter(|path| !self.resume && path.exists()) {
             bail!("{} exists already; --resume goes on from it", path.display());
         }
