@@ -9,6 +9,8 @@ pub mod likelihood;
 pub mod model;
 pub mod newton;
 pub mod outcome;
+pub mod predicted;
+pub mod resample;
 pub mod screen;
 pub mod significance;
 pub mod split;

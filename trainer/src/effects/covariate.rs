@@ -9,7 +9,8 @@ use super::neighbours::at;
 const LARGEST_JUMP_M: f64 = 10.0;
 
 /// A number that is known of each ray before anything is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Covariate {
     /// Number of the ring, 0 at the top.
     Ring,

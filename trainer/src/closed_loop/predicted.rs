@@ -1,0 +1,225 @@
+//! What a model says of every ray, beside what was measured, as plain numbers.
+
+use burn::tensor::Tensor;
+
+use super::data::Batch;
+
+use super::model::SensorModel;
+use crate::effects::Image;
+use crate::effects::draw::cumulative;
+
+/// Distance to a moved ray's second surface up to which it makes no difference, beside the noise: a bend, not an edge.
+const LEAST_STEP_M: f32 = 0.1;
+
+/// Probability below which a moved ray's second surface does not count.
+const LEAST_WEIGHT: f32 = 0.02;
+
+/// The rays of a batch, each list `[frame, ring, column]`, row-major.
+#[derive(Clone, Debug)]
+pub struct Predicted {
+    /// Number of the batch's scene.
+    pub scene: usize,
+    /// Numbers of its frames.
+    pub frames: Vec<usize>,
+    /// Numbers of rings and columns.
+    pub size: [usize; 2],
+    /// Probability that the ray hits a surface.
+    pub hit: Vec<f32>,
+    /// Mean range of a return of that surface, m.
+    pub range_m: Vec<f32>,
+    /// Its standard deviation, m.
+    pub sigma_m: Vec<f32>,
+    /// Mean reflectance, held to 0–1 as reports are.
+    pub reflectance: Vec<f32>,
+    /// Median reflectance, held to 0–1: what a scan without noise shows.
+    pub median_reflectance: Vec<f32>,
+    /// Standard deviation of the reflectance.
+    pub reflectance_sigma: Vec<f32>,
+    /// Mean distance of a reported reflectance from its median: the least error that any model could have.
+    pub least_reflectance_error: Vec<f32>,
+    /// Probability that the ray is reported.
+    pub reported: Vec<f32>,
+    /// Probability of a return that is none of the surface's: an extra one, or one between two surfaces.
+    pub extra: Vec<f32>,
+    /// Standardised range residual beyond which a return is likelier to be an outlier than one of the surface's.
+    pub gate: Vec<f32>,
+    /// Whether the surface is certain: no second surface beside it, as there is where a moved ray passes an edge.
+    pub certain: Vec<bool>,
+    /// Whether the surface's plane is known, or no ray has been moved.
+    pub flat: Vec<bool>,
+    /// Measured range, m; 0 where there is no return.
+    pub measured_range_m: Vec<f32>,
+    /// Measured reflectance.
+    pub measured_reflectance: Vec<f32>,
+}
+
+impl Predicted {
+    /// What a model says of a batch.
+    pub fn new(model: &SensorModel, batch: &Batch) -> Self {
+        Self::of(&model.forward(batch.image.clone()), batch)
+    }
+
+    /// The same, of the image that the model made of the batch.
+    pub fn of(image: &Image, batch: &Batch) -> Self {
+        let dims = batch.observed.range_m.dims();
+        let list = |x: &Tensor<3>| numbers(x, dims);
+        let report = &image.report;
+        let none = batch.observed.range_m.zeros_like();
+        let most = image.ceiling.as_ref().map_or_else(|| none.clone() + 1.0, |c| none.clone() + c.maximum.clone());
+        let (mean, least) =
+            censored(&report.reflectance, &report.reflectance_sigma, &report.reflectance_outliers, &most);
+        let median = report.reflectance.clone().clamp_min(0.0).min_pair(most);
+        let scatter = image.ceiling.as_ref().map_or_else(|| none.clone(), |c| none.clone() + c.scatter.clone());
+        let scatter_error = scatter.clone() * (2.0 / std::f64::consts::PI).sqrt();
+        let least = (least.square() + scatter_error.square()).sqrt();
+        let reflectance_sigma = (report.reflectance_sigma.clone().square() + scatter.square()).sqrt();
+        // A reported range that is rounded to a step is off by the rounding too.
+        let sigma_m = match &image.quantum {
+            None => report.range_sigma_m.clone(),
+            Some(quantum) => (report.range_sigma_m.clone().square() + quantum.step_m.clone().square() / 12.0).sqrt(),
+        };
+        let sigma_m = list(&sigma_m);
+        let nothing_extra = image.no_extra().unwrap_or_else(|| none.clone() + 1.0);
+        let only_surfaces = match &image.mixed {
+            None => nothing_extra,
+            Some(mixed) => nothing_extra * (image.hit() * report.keep.clone() * mixed.probability.clone() * -1.0 + 1.0),
+        };
+        let range_m = list(&(report.range_m.clone() + none.clone()));
+        let extent_m = image.rays.limits_m.1 - image.rays.limits_m.0;
+        let gate = list(&report.range_outliers).iter().zip(&sigma_m).map(|(o, s)| gate(*o, *s, extent_m)).collect();
+        Self {
+            scene: batch.scene,
+            frames: batch.frames.clone(),
+            size: [dims[1], dims[2]],
+            hit: list(&image.hit()),
+            reflectance: list(&mean),
+            median_reflectance: list(&median),
+            reflectance_sigma: list(&reflectance_sigma),
+            least_reflectance_error: list(&least),
+            reported: list(&image.reported()),
+            extra: list(&(only_surfaces * -1.0 + 1.0)),
+            gate,
+            certain: certain(image, &range_m, &sigma_m, dims),
+            flat: list(&image.surface.known).iter().map(|k| image.other.is_none() || *k > 0.5).collect(),
+            measured_range_m: list(&batch.observed.range_m),
+            measured_reflectance: list(&batch.observed.reflectance),
+            range_m,
+            sigma_m,
+        }
+    }
+
+    /// Rays of a frame.
+    pub fn rays(&self) -> usize {
+        self.size[0] * self.size[1]
+    }
+
+    /// Whether a ray has a return.
+    pub fn returned(&self, i: usize) -> bool {
+        self.measured_range_m[i] > 0.0
+    }
+
+    /// Whether a ray has a return, and a surface that it could be a return of.
+    pub fn is_return_of_a_surface(&self, i: usize) -> bool {
+        self.returned(i) && self.hit[i] > 0.5
+    }
+
+    /// Range residual over its standard deviation.
+    pub fn standardised_range(&self, i: usize) -> f64 {
+        f64::from(self.measured_range_m[i] - self.range_m[i]) / f64::from(self.sigma_m[i].max(1e-6))
+    }
+
+    /// Whether a return is likelier to be an outlier than one of the surface's.
+    pub fn is_outlier(&self, i: usize) -> bool {
+        self.standardised_range(i).abs() > f64::from(self.gate[i])
+    }
+}
+
+/// A tensor's numbers, broadcast to `size`.
+pub fn numbers(x: &Tensor<3>, size: [usize; 3]) -> Vec<f32> {
+    let x = if x.dims() == size { x.clone() } else { x.clone().expand(size) };
+    x.into_data().iter::<f32>().collect()
+}
+
+/// Where (1 − o)·N(u)/σ falls below o/extent.
+fn gate(outliers: f32, sigma_m: f32, extent_m: f64) -> f32 {
+    let (o, sigma) = (f64::from(outliers).clamp(1e-9, 0.999), f64::from(sigma_m).max(1e-6));
+    let ratio = (1.0 - o) * extent_m / (o * sigma * (2.0 * std::f64::consts::PI).sqrt());
+    (2.0 * ratio.max(1.0).ln()).sqrt().max(2.0) as f32
+}
+
+/// Whether the second surface of each ray, if any, is none or the same.
+fn certain(image: &Image, range_m: &[f32], sigma_m: &[f32], size: [usize; 3]) -> Vec<bool> {
+    let Some(other) = &image.other else { return vec![true; range_m.len()] };
+    let (hit, here_m) = (numbers(&image.surface.hit, size), numbers(&image.surface.range_m, size));
+    let (weight, there, there_m) =
+        (numbers(&other.weight, size), numbers(&other.hit, size), numbers(&other.range_m, size));
+    (0..range_m.len())
+        .map(|i| {
+            let same = (hit[i] - there[i]).abs() < 0.5
+                && (hit[i] < 0.5 || (here_m[i] - there_m[i]).abs() < LEAST_STEP_M + 3.0 * sigma_m[i]);
+            same || weight[i] < LEAST_WEIGHT
+        })
+        .collect()
+}
+
+/// Mean of a normal number that is held between 0 and `most` and is with a small probability uniform from 0 to 1 instead, and its mean
+/// distance from its median.
+///
+/// With G(u) = u·Φ(u) + φ(u), whose derivative is Φ: ∫ₐᵇ Φ((t − μ)/σ) dt = σ·[G((b − μ)/σ) − G((a − μ)/σ)].
+fn censored(mean: &Tensor<3>, sigma: &Tensor<3>, outliers: &Tensor<3>, most: &Tensor<3>) -> (Tensor<3>, Tensor<3>) {
+    let g = |u: Tensor<3>| {
+        let density = (u.clone().square() * -0.5).exp() * (1.0 / (2.0 * std::f64::consts::PI).sqrt());
+        u.clone() * cumulative(&u) + density
+    };
+    let at = |x: Tensor<3>| g(x / sigma.clone()) * sigma.clone();
+    let median = mean.clone().clamp_min(0.0).min_pair(most.clone());
+    let below_0 = at(mean.clone() * -1.0);
+    let above = at(mean.clone() - most.clone());
+    let held = mean.clone() + below_0.clone() - above.clone();
+    let distance = at(median.clone() - mean.clone()) - below_0 + at(mean.clone() - median.clone()) - above;
+    let uniform = (median.clone().square() + (median * -1.0 + 1.0).square()) * 0.5;
+    let inside = outliers.clone() * -1.0 + 1.0;
+    (held * inside.clone() + outliers.clone() * 0.5, distance * inside + uniform * outliers.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::Device;
+
+    use super::*;
+
+    #[test]
+    fn a_reflectance_held_to_its_limits_has_the_moments_of_many_draws() {
+        let one = |x: f32| Tensor::<1>::from_floats([x], &Device::flex()).reshape([1, 1, 1]);
+        for (mean, sigma, outliers, most) in [
+            (0.5, 0.05, 0.0, 1.0),
+            (0.02, 0.1, 0.0, 1.0),
+            (-0.1, 0.2, 0.02, 1.0),
+            (0.97, 0.08, 0.01, 1.0),
+            (0.6, 0.1, 0.0, 0.65),
+        ] {
+            let (held, least) = censored(&one(mean), &one(sigma), &one(outliers), &one(most));
+            let (held, least) = (numbers(&held, [1; 3])[0], numbers(&least, [1; 3])[0]);
+            // A midpoint rule over the quantiles is as good as 20 000 draws.
+            let n = 20_000;
+            let u = (Tensor::arange(0..n, &Device::flex()).float() + 0.5) / n as f32;
+            let drawn = crate::effects::draw::normal(u.clone().reshape([1, 1, -1])) * sigma + mean;
+            let drawn = numbers(&drawn.clamp(0.0, most), [1, 1, n as usize]);
+            let uniform = numbers(&u.reshape([1, 1, -1]), [1, 1, n as usize]);
+            let median = mean.clamp(0.0, most);
+            let over = |of: &dyn Fn(f32) -> f32| {
+                let mean = |x: &[f32]| x.iter().map(|x| of(*x)).sum::<f32>() / n as f32;
+                mean(&drawn) * (1.0 - outliers) + mean(&uniform) * outliers
+            };
+            assert!((held - over(&|x| x)).abs() < 1e-3, "mean of {mean} ± {sigma}: {held}");
+            assert!((least - over(&|x| (x - median).abs())).abs() < 1e-3, "distance for {mean} ± {sigma}: {least}");
+        }
+    }
+
+    #[test]
+    fn the_gate_is_where_an_outlier_is_as_likely() {
+        let u = f64::from(gate(0.01, 0.02, 100.0));
+        let normal = 0.99 * (-0.5 * u * u).exp() / (0.02 * (2.0 * std::f64::consts::PI).sqrt());
+        assert!((normal / (0.01 / 100.0) - 1.0).abs() < 1e-3, "{u}");
+    }
+}
