@@ -6,6 +6,7 @@ pub mod data;
 pub mod fit;
 pub mod improve;
 pub mod likelihood;
+pub mod metrics;
 pub mod model;
 pub mod newton;
 pub mod outcome;
