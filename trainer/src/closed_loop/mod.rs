@@ -11,6 +11,7 @@ pub mod model;
 pub mod newton;
 pub mod outcome;
 pub mod predicted;
+pub mod report;
 pub mod resample;
 pub mod screen;
 pub mod significance;
