@@ -114,6 +114,11 @@ impl Trial {
         p_value(&difference) > 0.05
     }
 
+    /// The effect's name.
+    pub fn name(&self) -> &'static str {
+        self.term.name()
+    }
+
     /// How many numbers it takes.
     pub fn size(&self) -> usize {
         self.term.fitted.len()

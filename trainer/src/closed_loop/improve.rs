@@ -3,13 +3,15 @@
 
 use burn::tensor::Tensor;
 
+use super::black_box::{Table, best_table};
 use super::candidate::{Halves, Trial};
 use super::data::Batch;
 use super::fit::{Fitted, Free, fit, score};
 use super::model::SensorModel;
-use super::outcome::{Candidate, Found, Interval, Outcome, Round};
+use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
+use super::screen::{Screening, screen};
 use super::significance::benjamini_hochberg;
-use crate::effects::{ActsOn, Evidence, library};
+use crate::effects::{ActsOn, Channel, Evidence, library};
 
 /// False discoveries among the claims.
 const FALSE_DISCOVERIES: f64 = 0.05;
@@ -23,98 +25,234 @@ const LEAST_NATS: f64 = 8.0;
 /// Most effects that are added.
 const MOST_ROUNDS: usize = 6;
 
+/// Most tables that are added.
+const MOST_TABLES: usize = 3;
+
+/// Share of a table's gain that an effect has to reach to hold its own.
+const HOLDS_ITS_OWN: f64 = 0.8;
+
+/// Seed of the screening's bootstrap.
+const SEED: u64 = 1;
+
 /// What a round tells whoever waits.
 pub type Progress<'p> = &'p dyn Fn(&str);
 
 /// Closes the loop on the scenes of both halves. Nothing else is looked at.
 pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progress<'_>) -> Outcome {
     let all = batches.concat();
-    let before = before.clone().with_noise_of(&evidence(before, &all));
-    let fitted = refit_all(&before, &all);
-    let before = before.with(&fitted.terms);
-    let mut model = before.clone();
-    let declared: Vec<String> = model.effects().iter().map(|t| t.name().to_owned()).collect();
-    let mut rounds = Vec::new();
-    let mut found: Vec<Found> = Vec::new();
-    while rounds.len() < MOST_ROUNDS {
-        let halves = Halves::new(&model, batches.clone());
-        let mut trials = try_all(&model, &halves, progress);
-        let q = benjamini_hochberg(&trials.iter().map(|t| t.p_value).collect::<Vec<_>>());
-        let mut judged: Vec<(Trial, f64, bool)> = trials
-            .drain(..)
-            .zip(q)
-            .map(|(t, q)| {
-                let passed = passes(&t, q, halves.rays);
-                (t, q, passed)
-            })
-            .collect();
-        judged.sort_by(|a, b| b.0.gain.value.total_cmp(&a.0.gain.value));
-        let mut round = Round {
-            candidates: judged
-                .iter()
-                .map(|(t, q, passed)| Candidate {
-                    name: t.term.name().into(),
-                    gain_nats_per_pixel: t.gain,
-                    q_value: *q,
-                    passed: *passed,
-                })
-                .collect(),
-            decision: String::new(),
-        };
-        let passed: Vec<&(Trial, f64, bool)> = judged.iter().filter(|j| j.2).collect();
-        let Some((best, ..)) = passed.first() else {
-            round.decision = "nothing passes: stop".into();
-            rounds.push(round);
-            break;
-        };
-        // Of those that explain the data as well as the best, the simplest; the others that are no more complicated are ties.
-        let as_good: Vec<&&(Trial, f64, bool)> = passed
-            .iter()
-            .filter(|j| std::ptr::eq(&raw const j.0, &raw const *best) || j.0.is_as_good_as(best))
-            .collect();
-        let Some((winner, q, _)) = as_good.iter().min_by_key(|j| j.0.size()).map(|j| &***j) else { break };
-        let ties: Vec<String> = as_good
-            .iter()
-            .filter(|j| j.0.term.name() != winner.term.name() && j.0.size() <= winner.size())
-            .map(|j| j.0.term.name().to_owned())
-            .collect();
-        round.decision = format!("add {}", winner.term.name());
-        progress(&round.decision);
-        rounds.push(round);
-        found.push(Found { term: winner.term.clone(), stderr: vec![], gain: winner.gain, q_value: *q, ties });
-        model.terms.push(winner.term.clone());
-        let fitted = refit_all(&model, &all);
-        model = model.with(&fitted.terms);
-        model = drop_idle(model, &all, &declared, &mut found);
-    }
-    let fitted = refit_all(&model, &all);
-    model = model.with(&fitted.terms);
-    let stderr = fitted.stderr();
-    let with_errors = |name: &str| {
-        let i = fitted.terms.iter().position(|t| t.name() == name)?;
-        Some((fitted.terms[i].clone(), fitted.terms[i].physical_stderr(&stderr[i])))
+    let before = refitted(&before.clone().with_noise_of(&evidence(before, &all)), &all);
+    let screening_before = screen(&before, &all, SEED);
+    let mut search = Search {
+        model: before.clone(),
+        batches,
+        all: all.clone(),
+        found: vec![],
+        tables: vec![],
+        rounds: vec![],
+        progress,
     };
-    for f in &mut found {
-        if let Some((term, stderr)) = with_errors(f.term.name()) {
-            (f.term, f.stderr) = (term, stderr);
+    search.add_named();
+    search.replace_mimics();
+    search.add_tables();
+    let screening_after = screen(&search.model, &all, SEED);
+    search.finish(before, screening_before, screening_after)
+}
+
+/// A search on its way.
+struct Search<'a> {
+    model: SensorModel,
+    batches: [Vec<&'a Batch>; 2],
+    all: Vec<&'a Batch>,
+    found: Vec<Found>,
+    tables: Vec<Table>,
+    rounds: Vec<Round>,
+    progress: Progress<'a>,
+}
+
+impl Search<'_> {
+    /// Adds the best effect of the library that passes, refits, drops what has become idle; until nothing passes.
+    fn add_named(&mut self) {
+        for _ in 0..MOST_ROUNDS {
+            let halves = Halves::new(&self.model, self.batches.clone());
+            let trials = try_all(&self.model, &halves, self.progress);
+            let q = benjamini_hochberg(&trials.iter().map(|t| t.p_value).collect::<Vec<_>>());
+            let mut judged: Vec<Judged> = trials
+                .into_iter()
+                .zip(q)
+                .map(|(trial, q_value)| Judged { passed: passes(&trial, q_value, halves.rays), trial, q_value })
+                .collect();
+            judged.sort_by(|a, b| b.trial.gain.value.total_cmp(&a.trial.gain.value));
+            let choice = choose(&judged);
+            let decision = choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.trial.name()));
+            (self.progress)(&decision);
+            self.rounds.push(Round { candidates: judged.iter().map(Judged::candidate).collect(), decision });
+            let Some((winner, ties)) = choice else { return };
+            self.found.push(Found {
+                term: winner.trial.term.clone(),
+                stderr: vec![],
+                gain: winner.trial.gain,
+                q_value: winner.q_value,
+                ties,
+            });
+            let newest = winner.trial.name();
+            self.model.terms.push(winner.trial.term.clone());
+            self.model = refitted(&self.model, &self.all);
+            self.drop_idle(newest);
         }
     }
-    let declared = declared
-        .iter()
-        .filter_map(|name| with_errors(name))
-        .map(|(term, stderr)| Found { term, stderr, gain: Interval::default(), q_value: 0.0, ties: vec![] })
-        .collect();
-    Outcome {
-        before,
-        after: model,
-        rounds,
-        effects: found,
-        declared,
-        unexplained: vec![],
-        screening_before: super::screen::Screening::default(),
-        screening_after: super::screen::Screening::default(),
-        caveats: vec![],
+
+    /// Drops effects whose absence the others make up for; the newest has just been found to be needed.
+    fn drop_idle(&mut self, newest: &str) {
+        let older: Vec<&str> = self.found.iter().map(|f| f.term.name()).filter(|name| *name != newest).collect();
+        for name in older {
+            let without = refitted(&self.model.without(name), &self.all);
+            let size = self.model.terms.iter().find(|t| t.name() == name).map_or(0, |t| t.fitted.len());
+            if total(&self.model, &self.all) - total(&without, &self.all) < LEAST_NATS + size as f64 {
+                (self.progress)(&format!("drop {name}: the others make up for it"));
+                self.found.retain(|f| f.term.name() != name);
+                self.model = without;
+            }
+        }
     }
+
+    /// An effect that a table in its place beats clearly is a mimic of something that has no name: the table takes its place.
+    fn replace_mimics(&mut self) {
+        let newest_first: Vec<&str> = self.found.iter().rev().map(|f| f.term.name()).collect();
+        for name in newest_first {
+            let Some(i) = self.found.iter().position(|f| f.term.name() == name) else { continue };
+            let acts_on = self.found[i].term.effect.about().acts_on;
+            let without = refitted(&self.model.without(name), &self.all);
+            let halves = Halves::new(&without, self.batches.clone());
+            let evidence = evidence(&without, &halves.batches[0]);
+            let effect = std::sync::Arc::clone(&self.found[i].term.effect);
+            let named = Trial::of(&without, &effect, &halves, &evidence);
+            let screening = screen(&without, &self.all, SEED);
+            let better = channels(acts_on)
+                .filter_map(|channel| best_table(&without, &halves, &screening, channel))
+                .filter(|t| passes(&t.trial, t.q_value, halves.rays))
+                .filter(|t| named.gain.value < HOLDS_ITS_OWN * t.trial.gain.value && !named.is_as_good_as(&t.trial))
+                .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
+            let Some(table) = better else { continue };
+            let decision = format!("replace {name} by {}: it does not hold its own", table.trial.name());
+            (self.progress)(&decision);
+            let judged = |trial: Trial, q_value: f64, passed: bool| Judged { trial, q_value, passed }.candidate();
+            let candidates = vec![
+                judged(table.trial.clone(), table.q_value, true),
+                judged(named, self.found[i].q_value, false),
+            ];
+            self.rounds.push(Round { candidates, decision });
+            self.found.remove(i);
+            self.model = without;
+            // What the table stands for may be what others mimicked.
+            let newest = table.trial.name();
+            self.add(table);
+            self.drop_idle(newest);
+        }
+    }
+
+    /// Adds tables for what is left, until nothing passes.
+    fn add_tables(&mut self) {
+        for _ in 0..MOST_TABLES {
+            let halves = Halves::new(&self.model, self.batches.clone());
+            let screening = screen(&self.model, &self.all, SEED);
+            let best = channels(ActsOn::ALL)
+                .filter_map(|channel| best_table(&self.model, &halves, &screening, channel))
+                .filter(|t| passes(&t.trial, t.q_value, halves.rays))
+                .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
+            let Some(table) = best else { return };
+            let decision = format!("add {}: no effect of the library explains it", table.trial.name());
+            (self.progress)(&decision);
+            let judged = Judged { trial: table.trial.clone(), q_value: table.q_value, passed: true };
+            self.rounds.push(Round { candidates: vec![judged.candidate()], decision });
+            self.add(table);
+        }
+    }
+
+    fn add(&mut self, table: Table) {
+        self.model.terms.push(table.trial.term.clone());
+        self.model = refitted(&self.model, &self.all);
+        self.tables.push(table);
+    }
+
+    /// The outcome, everything fitted together once more.
+    fn finish(self, before: SensorModel, screening_before: Screening, screening_after: Screening) -> Outcome {
+        let fitted = refit_all(&self.model, &self.all);
+        let after = self.model.with(&fitted.terms);
+        let stderr = fitted.stderr();
+        let with_errors = |found: Found| {
+            let i = fitted.terms.iter().position(|t| t.name() == found.term.name());
+            let i = i.unwrap_or_else(|| unreachable!("what was found is in the model"));
+            Found { term: fitted.terms[i].clone(), stderr: fitted.terms[i].physical_stderr(&stderr[i]), ..found }
+        };
+        let declared: Vec<Found> = before
+            .effects()
+            .iter()
+            .map(|term| Found { term: term.clone(), stderr: vec![], gain: Interval::default(), q_value: 0.0, ties: vec![] })
+            .collect();
+        let unexplained = self.tables.iter().map(|table| Unexplained {
+            channel: table.channel,
+            covariates: table.covariates.iter().map(|c| c.name().to_owned()).collect(),
+            share_of_residual: table.share,
+            q_value: table.q_value,
+            added_as_table: true,
+        });
+        Outcome {
+            rounds: self.rounds,
+            effects: self.found.into_iter().map(with_errors).collect(),
+            declared: declared.into_iter().map(with_errors).collect(),
+            unexplained: unexplained.collect(),
+            screening_before,
+            screening_after,
+            caveats: vec![],
+            before,
+            after,
+        }
+    }
+}
+
+/// A candidate, and whether it may be claimed.
+struct Judged {
+    trial: Trial,
+    q_value: f64,
+    passed: bool,
+}
+
+impl Judged {
+    fn candidate(&self) -> Candidate {
+        Candidate {
+            name: self.trial.name().into(),
+            gain_nats_per_pixel: self.trial.gain,
+            q_value: self.q_value,
+            passed: self.passed,
+        }
+    }
+}
+
+/// Of those that explain the data as well as the best, the simplest; the others that are no more complicated are its ties.
+fn choose(judged: &[Judged]) -> Option<(&Judged, Vec<String>)> {
+    let best = judged.iter().find(|j| j.passed)?;
+    let as_good: Vec<&Judged> =
+        judged.iter().filter(|j| j.passed && (std::ptr::eq(*j, best) || j.trial.is_as_good_as(&best.trial))).collect();
+    let winner = as_good.iter().min_by_key(|j| j.trial.size()).copied()?;
+    let ties = as_good
+        .iter()
+        .filter(|j| !std::ptr::eq(**j, winner) && j.trial.size() <= winner.trial.size())
+        .map(|j| j.trial.name().to_owned())
+        .collect();
+    Some((winner, ties))
+}
+
+/// The channels of which a table could take the place of an effect.
+fn channels(acts_on: ActsOn) -> impl Iterator<Item = Channel> {
+    let of = |on: bool, channel: Channel| on.then_some(channel);
+    [
+        of(acts_on.range, Channel::Range),
+        of(acts_on.range, Channel::RangeVariance),
+        of(acts_on.reflectance, Channel::Reflectance),
+        of(acts_on.returns, Channel::Missing),
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// Fits every term that the model lacks.
@@ -144,26 +282,14 @@ fn refit_all(model: &SensorModel, batches: &[&Batch]) -> Fitted {
     fit(model, &free, ActsOn::ALL, batches, &[])
 }
 
-/// Drops effects whose absence the others make up for; declared ones stay.
-fn drop_idle(model: SensorModel, batches: &[&Batch], declared: &[String], found: &mut Vec<Found>) -> SensorModel {
-    let total = |model: &SensorModel| score(model, batches).iter().map(super::fit::Score::total).sum::<f64>();
-    let mut model = model;
-    let mut names: Vec<String> = found.iter().map(|f| f.term.name().to_owned()).collect();
-    // The newest has just been found to be needed.
-    names.pop();
-    for name in names {
-        if declared.contains(&name) {
-            continue;
-        }
-        let without = model.without(&name);
-        let without = without.with(&refit_all(&without, batches).terms);
-        let size = model.terms.iter().find(|t| t.name() == name).map_or(0, |t| t.fitted.len());
-        if total(&model) - total(&without) < LEAST_NATS + size as f64 {
-            found.retain(|f| f.term.name() != name);
-            model = without;
-        }
-    }
-    model
+/// A model with every term fitted again.
+fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
+    model.with(&refit_all(model, batches).terms)
+}
+
+/// Log-likelihood of everything, in nats.
+fn total(model: &SensorModel, batches: &[&Batch]) -> f64 {
+    score(model, batches).iter().map(super::fit::Score::total).sum()
 }
 
 /// What the model predicts and what was measured, side by side.

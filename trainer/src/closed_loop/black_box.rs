@@ -1,0 +1,86 @@
+//! The black box: a smooth table over whatever the residual depends on. It is the yardstick that every named effect has to hold its own
+//! against, and what stands in for an effect that has no name.
+
+use std::sync::Arc;
+
+use super::candidate::{Halves, Trial};
+use super::improve::evidence;
+use super::model::SensorModel;
+use super::screen::{Dependence, Screening};
+use crate::effects::smooth_table::{SmoothTable, Target};
+use crate::effects::{Channel, Covariate, Effect};
+
+/// Knots along a single covariate, and along each of two.
+const KNOTS: [usize; 2] = [12, 7];
+
+/// Least share of a channel's residual that a dependence has to explain to be tried.
+const LEAST_SHARE: f64 = 0.002;
+
+/// Share of a table's gain that a simpler one must reach to be preferred.
+const NEARLY_AS_GOOD: f64 = 0.95;
+
+/// Single covariates that are tried for a channel, best first.
+const SINGLES: usize = 3;
+
+/// A table that was tried.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// The channel.
+    pub channel: Channel,
+    /// What it is over.
+    pub covariates: Vec<Covariate>,
+    /// Share of the channel's residual that these covariates explain, held out.
+    pub share: f64,
+    /// Adjusted probability of that share where there is no dependence.
+    pub q_value: f64,
+    /// The table with its gain.
+    pub trial: Trial,
+}
+
+/// The tables that explain most of a channel's residual: of one covariate if that is nearly as good as of two. `None` where nothing
+/// depends on anything.
+pub fn best_table(model: &SensorModel, halves: &Halves<'_>, screening: &Screening, channel: Channel) -> Option<Table> {
+    let depends = |d: &&Dependence| {
+        d.channel == channel && d.q_value < 0.05 && d.share > LEAST_SHARE && !d.covariates.is_empty()
+    };
+    let of = |n: usize| screening.dependences.iter().filter(depends).filter(move |d| d.covariates.len() == n);
+    let mut tried: Vec<Table> = of(1).take(SINGLES).filter_map(|d| table(model, halves, d)).collect();
+    tried.extend(of(2).take(1).filter_map(|d| table(model, halves, d)));
+    let most = tried.iter().map(|t| t.trial.gain.value).fold(f64::NEG_INFINITY, f64::max);
+    tried
+        .into_iter()
+        .filter(|t| most > 0.0 && t.trial.gain.value >= NEARLY_AS_GOOD * most)
+        .min_by(|a, b| {
+            let simple = a.covariates.len().cmp(&b.covariates.len());
+            simple.then(b.trial.gain.value.total_cmp(&a.trial.gain.value))
+        })
+}
+
+/// Fits and scores a table over what a dependence names.
+fn table(model: &SensorModel, halves: &Halves<'_>, dependence: &Dependence) -> Option<Table> {
+    let target = target(dependence.channel)?;
+    let images: Vec<_> = halves.batches[0].iter().map(|batch| model.forward(batch.image.clone())).collect();
+    let knots = KNOTS[dependence.covariates.len() - 1];
+    let effect: Arc<dyn Effect> = Arc::new(SmoothTable::new(target, &dependence.covariates, &images, knots));
+    if model.has(effect.about().name) {
+        return None;
+    }
+    Some(Table {
+        channel: dependence.channel,
+        covariates: dependence.covariates.clone(),
+        share: dependence.share,
+        q_value: dependence.q_value,
+        trial: Trial::of(model, &effect, halves, &evidence(model, &halves.batches[0])),
+    })
+}
+
+/// What a table changes to mend a channel; nothing mends returns that no surface explains.
+fn target(channel: Channel) -> Option<Target> {
+    match channel {
+        Channel::Range => Some(Target::Range),
+        Channel::RangeVariance => Some(Target::RangeSpread),
+        Channel::Reflectance => Some(Target::Reflectance),
+        Channel::Missing => Some(Target::Missing),
+        Channel::Geometry | Channel::Extra => None,
+    }
+}
