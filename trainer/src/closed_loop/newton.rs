@@ -5,8 +5,14 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Step of the differences, in units in which parameters have a size of about 1.
-const STEP: f64 = 0.02;
+/// Longest and shortest step of the differences, in units in which parameters have a size of about 1. Shorter ones drown in rounding.
+const STEPS: (f64, f64) = (0.02, 1e-4);
+
+/// Step of the differences in standard errors, as far as they are known: a likelihood is a parabola over a few of them, not over many.
+const STEP_ERRORS: f64 = 2.0;
+
+/// A step that is this many times too long has to be taken again.
+const FAR_TOO_LONG: f64 = 4.0;
 
 /// Longest step along a direction, in the same units.
 const LONGEST: f64 = 10.0;
@@ -47,8 +53,20 @@ impl Groups {
         )
     }
 
-    /// The Hessian at `x`, where the gradient is `gradient`.
-    pub fn hessian(&self, objective: &dyn Objective, x: &[f64], gradient: &[f64]) -> DMatrix<f64> {
+    /// The Hessian at `x`, where the gradient is `gradient`, by differences over `steps`, which are then fitted to it.
+    fn hessian(&self, objective: &dyn Objective, x: &[f64], gradient: &[f64], steps: &mut [f64]) -> DMatrix<f64> {
+        let hessian = self.differences(objective, x, gradient, steps);
+        let fitting = |i: usize| {
+            let curvature: f64 = hessian[(i, i)];
+            if curvature > 0.0 { (STEP_ERRORS / curvature.sqrt()).clamp(STEPS.1, STEPS.0) } else { STEPS.0 }
+        };
+        let fitting: Vec<f64> = (0..x.len()).map(fitting).collect();
+        let too_long = steps.iter().zip(&fitting).any(|(step, fitting)| *step > FAR_TOO_LONG * fitting);
+        steps.copy_from_slice(&fitting);
+        if too_long { self.differences(objective, x, gradient, steps) } else { hessian }
+    }
+
+    fn differences(&self, objective: &dyn Objective, x: &[f64], gradient: &[f64], steps: &[f64]) -> DMatrix<f64> {
         let n = x.len();
         let mut hessian = DMatrix::zeros(n, n);
         let differences: Vec<Vec<f64>> = self
@@ -56,22 +74,22 @@ impl Groups {
             .iter()
             .map(|group| {
                 let mut moved = x.to_vec();
-                moved[group.clone()].iter_mut().for_each(|x| *x += STEP);
+                group.clone().for_each(|i| moved[i] += steps[i]);
                 let (_, there) = objective.evaluate(&moved);
-                there.iter().zip(gradient).map(|(there, here)| (there - here) / STEP).collect()
+                there.iter().zip(gradient).map(|(there, here)| there - here).collect()
             })
             .collect();
         for (a, d) in self.0.iter().zip(&differences) {
             for b in &self.0 {
                 if a.len() == 1 {
                     for j in b.clone() {
-                        hessian[(a.start, j)] = d[j];
+                        hessian[(a.start, j)] = d[j] / steps[a.start];
                     }
                 } else if b.len() == 1 {
                     // Its column was found when the single number moved.
                 } else {
                     for (i, j) in a.clone().zip(b.clone()) {
-                        hessian[(j, i)] = d[j];
+                        hessian[(j, i)] = d[j] / steps[i];
                     }
                 }
             }
@@ -79,7 +97,7 @@ impl Groups {
         for (a, d) in self.0.iter().zip(&differences) {
             for b in self.0.iter().filter(|b| b.len() > 1 && a.len() == 1) {
                 for j in b.clone() {
-                    hessian[(j, a.start)] = d[j];
+                    hessian[(j, a.start)] = d[j] / steps[a.start];
                 }
             }
         }
@@ -91,7 +109,8 @@ impl Groups {
         let mut x = x.to_vec();
         let (mut value, mut gradient) = objective.evaluate(&x);
         let mut reach = LONGEST;
-        let mut hessian = self.hessian(objective, &x, &gradient);
+        let mut lengths = vec![STEPS.0; x.len()];
+        let mut hessian = self.hessian(objective, &x, &gradient, &mut lengths);
         for _ in 0..steps {
             let eigen = SymmetricEigen::new(hessian.clone());
             let largest = eigen.eigenvalues.amax().max(1e-12);
@@ -118,7 +137,7 @@ impl Groups {
             if !accepted {
                 break;
             }
-            hessian = self.hessian(objective, &x, &gradient);
+            hessian = self.hessian(objective, &x, &gradient, &mut lengths);
         }
         Minimum { x, value, hessian }
     }
