@@ -96,24 +96,32 @@ pub fn reflectance(image: &Image, observed: &Observed, soften: f64) -> Tensor<3>
     let report = &image.report;
     let i = &observed.reflectance;
     let sigma = (report.reflectance_sigma.clone().square() + soften * soften).sqrt();
-    let mean = &report.reflectance;
-    // The distribution's parts: inside, and what censoring heaps up at either end.
-    let [below, inside, above] = match &image.ceiling {
-        None => {
-            let z = (i.clone() - mean.clone()) / sigma.clone();
-            let (below, above) = (mean.clone() * -1.0 / sigma.clone(), (mean.clone() - 1.0) / sigma.clone());
-            [cumulative(&below), normal(&z) / sigma, cumulative(&above)]
-        }
-        Some(ceiling) => ceiling.parts(i, mean, &sigma, soften),
-    };
     let (floor, end) = (i.clone().lower_equal_elem(0.0), i.clone().greater_equal_elem(1.0));
+    let density = |mean: &Tensor<3>| {
+        // The distribution's parts: inside, and what censoring heaps up at either end.
+        let [below, inside, above] = match &image.ceiling {
+            None => {
+                let z = (i.clone() - mean.clone()) / sigma.clone();
+                let (below, above) = (mean.clone() * -1.0 / sigma.clone(), (mean.clone() - 1.0) / sigma.clone());
+                [cumulative(&below), normal(&z) / sigma.clone(), cumulative(&above)]
+            }
+            Some(ceiling) => ceiling.parts(i, mean, &sigma, soften),
+        };
+        inside.mask_where(floor.clone(), below).mask_where(end.clone(), above)
+    };
+    let mut likelihood = density(&report.reflectance);
+    if let (Some(other), Some(beside)) = (&image.other, image.beside()) {
+        let step = other.reflectance.clone() - image.surface.reflectance.clone();
+        let there = density(&(report.reflectance.clone() + step));
+        likelihood = likelihood.clone() + (there - likelihood) * beside;
+    }
     let at_end = floor.clone().bool_or(end.clone()).float();
-    let likelihood = inside.mask_where(floor, below).mask_where(end, above);
     let outlier = at_end * (3.0 * OUTLIERS_AT_END - 1.0) + (1.0 - 2.0 * OUTLIERS_AT_END);
     let outliers = report.reflectance_outliers.clone();
     let likelihood = likelihood * (outliers.clone() * -1.0 + 1.0) + outliers * outlier;
     // The reflectance of a return that no surface explains says nothing about surfaces.
-    likelihood.clamp_min(1e-30).log() * observed.returned.clone() * image.surface.hit.clone()
+    let explained = image.hit().greater_elem(1e-3).float();
+    likelihood.clamp_min(1e-30).log() * observed.returned.clone() * explained
 }
 
 /// Log-likelihood of which rays have a return, nats a ray, `[batch, ring, column]`.
@@ -237,7 +245,12 @@ mod tests {
         image.mixed =
             Some(Mixed { probability: one(0.3), near_m: range_m.clone() * 0.6 + 2.0, far_m: range_m.clone() + 5.0 });
         image.report.range_m = image.report.range_m + 0.3;
-        image.other = Some(Other { range_m: range_m.clone() * 0.0 + 9.0, hit: one(1.0), weight: one(0.4) });
+        image.other = Some(Other {
+            range_m: range_m.clone() * 0.0 + 9.0,
+            hit: one(1.0),
+            reflectance: one(0.8),
+            weight: one(0.4),
+        });
         image.extra = vec![
             Extra {
                 probability: one(0.1),
@@ -291,7 +304,7 @@ mod tests {
             image.ceiling = Some(Ceiling { maximum: one(maximum), scatter: one(scatter) });
             image
         };
-        for image in [image(), held(0.6, 0.003), held(0.6, 0.06), held(0.95, 0.05), held(1.0, 0.02)] {
+        for image in [image(), mixed(image()), held(0.6, 0.003), held(0.6, 0.06), held(0.95, 0.05), held(1.0, 0.02)] {
             let n = 10_000;
             let mut grid: Vec<f32> = (0..n).map(|j| (j as f32 + 0.5) / n as f32).collect();
             grid.extend([0.0, 1.0]);

@@ -29,6 +29,11 @@ impl Image {
         let mut range_m = report.range_m.clone() + normal(range_noise) * report.range_sigma_m.clone();
         let (sigma, like) = (&report.reflectance_sigma, range_m.zeros_like());
         let mut reflectance = report.reflectance.clone() + normal(reflectance_noise) * sigma.clone();
+        if let (Some(other), Some(beside)) = (&self.other, self.beside()) {
+            let passed = place.clone().greater(beside * -1.0 + 1.0).float();
+            range_m = range_m + (other.range_m.clone() - self.surface.range_m.clone()) * passed.clone();
+            reflectance = reflectance + (other.reflectance.clone() - self.surface.reflectance.clone()) * passed;
+        }
         if let Some(ceiling) = &self.ceiling {
             let scatter = normal(place.clone()) * ceiling.scatter.clone();
             reflectance = reflectance.min_pair(like.clone() + ceiling.maximum.clone()) + scatter;

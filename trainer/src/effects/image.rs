@@ -57,6 +57,8 @@ pub struct Other {
     pub range_m: Tensor<3>,
     /// 1 where there is one.
     pub hit: Tensor<3>,
+    /// Its reflectance.
+    pub reflectance: Tensor<3>,
     /// Probability that the ray hits it.
     pub weight: Tensor<3>,
 }
@@ -152,6 +154,11 @@ impl Image {
     /// By how much the mean range differs from the surface's, in m.
     pub fn range_error_m(&self) -> Tensor<3> {
         self.report.range_m.clone() - self.surface.range_m.clone()
+    }
+
+    /// Probability that a ray that hits a surface hits the other one.
+    pub fn beside(&self) -> Option<Tensor<3>> {
+        self.other.as_ref().map(|other| other.weight.clone() * other.hit.clone() / self.hit().clamp_min(1e-9))
     }
 
     /// Probability that none of the extra returns comes.

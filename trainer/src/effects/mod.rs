@@ -4,6 +4,7 @@
 //! them — into the image of a sensor that has the effect. It is written once, in Burn tensors: the closed loop fits it by automatic
 //! differentiation, and the exporter captures the same forward pass into `model.onnx`.
 
+mod aim;
 pub mod covariate;
 pub mod draw;
 pub mod evidence;
@@ -20,15 +21,24 @@ pub mod smooth_table;
 pub mod surface;
 #[cfg(test)]
 pub(crate) mod trial;
+#[cfg(test)]
+mod truth;
 
+mod azimuth_offset_per_ring;
 mod blocked_sector;
 mod blooming;
 mod drift;
 mod elevation_offset;
+mod elevation_offset_per_ring;
+mod encoder_eccentricity;
 mod fog;
 mod incidence_falloff;
 mod incidence_stretch;
 mod mixed_pixels;
+mod mount_height;
+mod mount_pitch;
+mod mount_roll;
+mod mount_yaw;
 mod noise_floor;
 mod precipitation;
 mod quantisation;
@@ -41,6 +51,7 @@ mod range_walk;
 mod reflectance_falloff;
 mod reflectance_gain;
 mod ring_gain;
+mod rolling_shutter;
 mod saturation;
 mod specular;
 mod weak_return_drop;
@@ -75,12 +86,25 @@ pub trait Effect: Debug + Send + Sync {
     fn starts(&self, _evidence: &Evidence) -> Vec<Vec<f64>> {
         vec![]
     }
+
+    /// The same as its numbers `values` say, in words that people are used to: name with unit, value.
+    fn derived(&self, _values: &[f64]) -> Vec<(&'static str, f64)> {
+        vec![]
+    }
 }
 
 /// Every effect of the library, for a sensor of `rings` rings.
 pub fn library() -> Vec<Arc<dyn Effect>> {
     vec![
         Arc::new(elevation_offset::ElevationOffset),
+        Arc::new(elevation_offset_per_ring::ElevationOffsetPerRing),
+        Arc::new(azimuth_offset_per_ring::AzimuthOffsetPerRing),
+        Arc::new(encoder_eccentricity::EncoderEccentricity),
+        Arc::new(mount_roll::MountRoll),
+        Arc::new(mount_pitch::MountPitch),
+        Arc::new(mount_yaw::MountYaw),
+        Arc::new(mount_height::MountHeight),
+        Arc::new(rolling_shutter::RollingShutter),
         Arc::new(range_offset::RangeOffset),
         Arc::new(range_offset::RangeOffsetPerRing),
         Arc::new(range_scale::RangeScale),

@@ -16,6 +16,12 @@ pub struct Rays {
     pub above_rad: Tensor<3>,
     /// Elevation of this ring minus that of the ring below, in radians, `[1, ring, 1]`; the lowest ring's is that of the next above.
     pub below_rad: Tensor<3>,
+    /// The ring whose elevation is nearest to each of evenly spaced ones, from the topmost ring's down: `[entry]`.
+    pub nearest_ring: Tensor<1>,
+    /// Distance of those elevations in radians.
+    pub entry_rad: f64,
+    /// Azimuth of each ring's columns to the left of the encoder's in radians, `[ring]`; `None` if they look along it.
+    pub offset_rad: Option<Tensor<1>>,
     /// Number of the ring, `[1, ring, 1]`.
     pub ring: Tensor<3>,
     /// Number of the column, `[1, 1, column]`.
@@ -57,7 +63,22 @@ impl Rays {
             let values: Vec<f32> = (0..columns).map(value).collect();
             Tensor::from_data(TensorData::new(values, [1, 1, columns]), device)
         };
+        // Entries finer than the narrowest gap by far, but never more than a table should have.
+        let top = elevation.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let bottom = elevation.iter().copied().fold(f64::INFINITY, f64::min);
+        let narrowest = (0..rings).map(&gap).fold(f64::INFINITY, f64::min);
+        let entries = ((top - bottom) / narrowest * 16.0).ceil().clamp(1.0, 4096.0);
+        let entry_rad = ((top - bottom) / entries).max(1e-6);
+        let nearest = |entry: usize| {
+            let off = |k: &usize| (elevation[*k] - (top - entry as f64 * entry_rad)).abs();
+            (0..rings).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0) as f32
+        };
+        let list = |values: Vec<f32>| Tensor::<1>::from_floats(values.as_slice(), device);
+        let offsets: Vec<f32> = sensor.rings().iter().map(|r| r.azimuth_offset_rad as f32).collect();
         Self {
+            nearest_ring: list((0..=entries as usize).map(nearest).collect()),
+            entry_rad,
+            offset_rad: offsets.iter().any(|x| *x != 0.0).then(|| list(offsets)),
             elevation_rad: per_ring(&|k| elevation[k]),
             azimuth_rad: Tensor::from_data(TensorData::new(azimuth, [1, rings, columns]), device),
             phase: per_column(&phase),
@@ -72,10 +93,15 @@ impl Rays {
 
     /// Unit vectors along rays with these deviations, `[1, ring, column]` each: ahead, left, up.
     pub fn directions(&self, bend: &Bend) -> [Tensor<3>; 3] {
-        let elevation = add(&self.elevation_rad, bend.elevation_rad.as_ref());
-        let azimuth = add(&self.azimuth_rad, bend.azimuth_rad.as_ref());
+        let [elevation, azimuth] = self.angles(bend);
         let level = elevation.clone().cos();
-        [level.clone() * azimuth.clone().cos(), level * azimuth.clone().sin(), elevation.sin() + azimuth * 0.0]
+        [level.clone() * azimuth.clone().cos(), level * azimuth.clone().sin(), elevation.sin() + azimuth.zeros_like()]
+    }
+
+    /// Elevations and azimuths of rays with these deviations, in radians.
+    pub fn angles(&self, bend: &Bend) -> [Tensor<3>; 2] {
+        let elevation = add(&self.elevation_rad, bend.elevation_rad.as_ref());
+        [elevation, add(&self.azimuth_rad, bend.azimuth_rad.as_ref())]
     }
 
     /// Numbers of rings and columns.
@@ -99,6 +125,19 @@ impl Bend {
     /// Turns the rays to the left by this much more.
     pub fn left(&mut self, angle_rad: Tensor<3>) {
         self.azimuth_rad = Some(sum(self.azimuth_rad.take(), angle_rad));
+    }
+
+    /// Turns the rays as they are bent so far with the whole sensor; `turned` gives a direction (ahead, left, up) after the turn.
+    ///
+    /// Exact: with h the level part of a direction, sin Δφ = z'·h − h'·z and sin Δθ = (x·y' − y·x') / (h·h').
+    pub fn turn(&mut self, rays: &Rays, turned: impl FnOnce([Tensor<3>; 3]) -> [Tensor<3>; 3]) {
+        let [x, y, z] = rays.directions(self);
+        let [new_x, new_y, new_z] = turned([x.clone(), y.clone(), z.clone()]);
+        let level = |x: &Tensor<3>, y: &Tensor<3>| (x.clone().square() + y.clone().square()).clamp_min(1e-12).sqrt();
+        let (h, new_h) = (level(&x, &y), level(&new_x, &new_y));
+        let across = (x * new_y - y * new_x) / (h.clone() * new_h.clone());
+        self.up((new_z * h - new_h * z).asin());
+        self.left(across.asin());
     }
 
     /// Moves their origins by this much more: ahead, left, up, in m.

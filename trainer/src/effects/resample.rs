@@ -1,112 +1,174 @@
 //! What rays see that do not look where the description says: a resampling of the range image along local surfaces.
 //!
 //! A moved ray is given the plane of the nearest ray of the simulation and cut with it, so no surface is invented between two. Where it
-//! passes between two rays on different surfaces, an image cannot know where the edge lies: the other surface is kept beside it, with
-//! the part of the way there as its probability.
+//! passes between two rays whose planes meet on the way, at a crease, both planes decide; where one hides the other, an image cannot
+//! know where the edge lies: the other surface is kept beside it, with the part of the way there as its probability. Either way what a
+//! ray sees changes continuously as it moves.
 
-use burn::tensor::{Int, Tensor};
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Bool, Tensor};
 
+use super::aim::{Aim, Pixels};
 use super::image::{Image, Other};
 use super::rays::{Bend, Rays};
-use super::surface::{Surface, dot};
+use super::surface::{Surface, choose, dot};
 
 /// Slope of a surface that no plane is known of: its range is uncertain by this times the ray's displacement.
 const UNKNOWN_SLOPE: f64 = 1.5;
 
+/// Relative error with which two pixels' planes give each other's ranges up to which they are one smooth surface.
+const SMOOTH: f64 = 0.02;
+
+/// How often the pixel is looked for that sees what a ray from a moved origin hits. Each time the error falls to about the displacement
+/// over the range of what it was.
+const PARALLAX_STEPS: usize = 3;
+
+/// Width in m of the farthest range's edge: what lies on a plane beyond it is not hit.
+const LIMIT_WIDTH_M: f64 = 0.5;
+
 impl Image {
     /// Spends [`Image::bend`]: looks along the moved rays.
+    #[must_use]
     pub fn resample(mut self) -> Self {
         if self.bend.is_none() {
             return self;
         }
         let bend = std::mem::take(&mut self.bend);
-        let rays = self.rays.clone();
-        let [rings, columns] = rays.size();
-        let full = rays.azimuth_rad.clone() * 0.0;
-        let or_none = |x: &Option<Tensor<3>>| x.as_ref().map_or_else(|| full.clone(), |x| full.clone() + x.clone());
-        let (up, left) = (or_none(&bend.elevation_rad).detach(), or_none(&bend.azimuth_rad).detach());
-
-        // Whole pixels, and what is left of the way.
-        let spacing = rays.below_rad.clone() + full.clone();
-        let spacing = spacing.mask_where(up.clone().greater_elem(0.0), rays.above_rad.clone() + full.clone());
-        let down = up / spacing * -1.0;
-        let right = left * (-(columns as f64) / (2.0 * std::f64::consts::PI));
-        let (whole_down, whole_right) = (down.clone().round(), right.clone().round());
-        let (rest_down, rest_right) = (down - whole_down.clone(), right - whole_right.clone());
-        let choose = |down: Tensor<3>, right: Tensor<3>| -> Tensor<1, Int> {
-            let ring = (rays.ring.clone() + down).clamp(0.0, rings as f64 - 1.0);
-            // Column numbers plus half a pixel and a turn: their remainder is never a rounding away from the wrong end.
-            let column =
-                (rays.column.clone() + right.clone() + (columns as f64 + 0.5)).remainder_scalar(columns as f64);
-            (ring * columns as f64 + column.floor()).round().int().reshape([rings * columns])
-        };
-        let nearest = choose(whole_down.clone(), whole_right.clone());
-        let vertical = rest_down.clone().abs().greater_equal(rest_right.clone().abs()).float();
-        let beside = choose(
-            whole_down + rest_down.clone().sign() * vertical.clone(),
-            whole_right + rest_right.clone().sign() * (vertical.clone() * -1.0 + 1.0),
-        );
-        let weight = rest_down.clone().abs().max_pair(rest_right.clone().abs());
-
-        let true_directions = rays.directions(&bend);
-        let here = look(&self.surface, &nearest, &true_directions, &bend, &rays);
-        let there = look(&self.surface, &beside, &true_directions, &bend, &rays);
+        let rays = &self.rays;
+        let ray = Ray { directions: rays.directions(&bend), origin: bend.origin_m.clone() };
+        let aim = self.aim(&bend, &ray);
+        let here = look(&self.surface, &aim.nearest, &ray, rays);
+        let there = look(&self.surface, &aim.beside, &ray, rays);
+        let (here, other) = self.surface.meet(&aim, here, there, rays);
 
         // The surface that is not known to be flat: how far from the ray of the simulation is it seen?
-        let away = (rest_down * rays.below_rad.clone()).square() + (rest_right * column_width(columns)).square();
         let unknown = here.known.clone() * -1.0 + 1.0;
-        let doubt_m = here.range_m.clone() * away.sqrt() * unknown * UNKNOWN_SLOPE;
-        let sigma = (self.report.range_sigma_m.clone().square() + doubt_m.square()).sqrt();
-        self.report.range_sigma_m = sigma;
-
+        let doubt_m = here.range_m.clone() * aim.away_rad.clone() * unknown * UNKNOWN_SLOPE;
+        self.report.range_sigma_m = (self.report.range_sigma_m.clone().square() + doubt_m.square()).sqrt();
         self.report.range_m = here.range_m.clone();
         self.report.reflectance = here.reflectance.clone();
-        self.report.keep = take(&self.report.keep, &nearest);
-        self.other = Some(Other { range_m: there.range_m, hit: there.hit, weight });
+        self.report.keep = aim.nearest.of(&self.report.keep);
+        self.other = Some(other);
         self.surface = here;
         self
     }
+
+    /// Where the moved rays look in the image.
+    fn aim(&self, bend: &Bend, ray: &Ray) -> Aim {
+        let rays = &self.rays;
+        let aim = Aim::at(rays.angles(bend), true, rays);
+        let Some(origin) = &bend.origin_m else { return aim };
+        let fixed = |x: &[Tensor<3>; 3]| x.clone().map(Tensor::detach);
+        let still = Ray { directions: fixed(&ray.directions), origin: Some(fixed(origin)) };
+        // Gradients are those of the last step, whose range is that of a surface that stays where it is.
+        let seen = |directions: &[Tensor<3>; 3], origin: &[Tensor<3>; 3], range_m: &Tensor<3>| {
+            let [x, y, z] = directions.clone().map(|u| u * range_m.clone());
+            let [dx, dy, dz] = origin.clone();
+            Aim::of([x + dx, y + dy, z + dz], rays)
+        };
+        let mut range_m = still.range_m(&self.surface, &aim.nearest, rays);
+        for _ in 1..PARALLAX_STEPS {
+            let aim = seen(&still.directions, &fixed(origin), &range_m);
+            range_m = still.range_m(&self.surface, &aim.nearest, rays);
+        }
+        seen(&ray.directions, origin, &range_m)
+    }
+}
+
+/// Moved rays.
+struct Ray {
+    directions: [Tensor<3>; 3],
+    origin: Option<[Tensor<3>; 3]>,
+}
+
+impl Ray {
+    /// Range at which they cut planes, and where they do in front of the sensor.
+    fn cut(&self, plane: &[Tensor<3>; 3]) -> (Tensor<3>, Tensor<3>) {
+        let facing = dot(plane, &self.directions);
+        let ahead = match &self.origin {
+            None => facing.ones_like(),
+            Some(origin) => dot(plane, origin) * -1.0 + 1.0,
+        };
+        (ahead / facing.clone().clamp_min(1e-4), facing)
+    }
+
+    /// Ranges of the surfaces that pixels see, along these rays; the farthest where they see none.
+    fn range_m(&self, surface: &Surface, pixels: &Pixels, rays: &Rays) -> Tensor<3> {
+        let (cut_m, _) = self.cut(&surface.plane.each_ref().map(|a| pixels.of(a)));
+        let seen_m = pixels.of(&surface.range_m);
+        let nothing = seen_m.clone().lower_elem(1e-3);
+        let range_m = cut_m.clone().mask_where(astray(&cut_m, &seen_m), seen_m);
+        range_m.mask_fill(nothing, rays.limits_m.1)
+    }
+}
+
+/// Where a plane would be followed absurdly far from the pixel that knows it.
+fn astray(cut_m: &Tensor<3>, seen_m: &Tensor<3>) -> Tensor<3, Bool> {
+    (cut_m.clone() - seen_m.clone()).abs().greater_equal(seen_m.clone() * 0.5 + 0.5)
 }
 
 /// What the moved rays see of the surfaces of the chosen rays.
-fn look(surface: &Surface, pixel: &Tensor<1, Int>, directions: &[Tensor<3>; 3], bend: &Bend, rays: &Rays) -> Surface {
-    let of = |x: &Tensor<3>| take(x, pixel);
-    let plane = [0, 1, 2].map(|i| of(&surface.plane[i]));
-    let known = of(&surface.known);
-    let seen_m = of(&surface.range_m);
-    let facing = dot(&plane, directions);
-    let left = match &bend.origin_m {
-        None => facing.clone() * 0.0 + 1.0,
-        Some(origin) => dot(&plane, origin) * -1.0 + 1.0,
-    };
-    let cut_m = left / facing.clone().clamp_min(1e-4);
-    // A plane that the ray leaves behind, or meets absurdly far from the pixel that knew it, is not hit.
-    let hit = of(&surface.hit)
-        * facing.clone().greater_elem(1e-4).float()
-        * cut_m.clone().lower_elem(rays.limits_m.1).float();
-    let near = (cut_m.clone() - seen_m.clone()).abs().lower(seen_m.clone() * 0.5 + 0.5).float();
-    let flat = known.clone() * near;
-    let range_m = seen_m.mask_where(flat.greater_elem(0.5), cut_m) * hit.clone();
+fn look(surface: &Surface, pixels: &Pixels, ray: &Ray, rays: &Rays) -> Surface {
+    let plane = surface.plane.each_ref().map(|a| pixels.of(a));
+    let seen_m = pixels.of(&surface.range_m);
+    let known = pixels.of(&surface.known);
+    let (cut_m, facing) = ray.cut(&plane);
+    // A plane that the ray leaves behind, or meets beyond what the sensor sees, is not hit.
+    let within = sigmoid((cut_m.clone() * -1.0 + rays.limits_m.1) * (1.0 / LIMIT_WIDTH_M));
+    let hit = pixels.of(&surface.hit) * within * cut_m.clone().greater_elem(0.0).float();
+    let astray = astray(&cut_m, &seen_m);
     let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
     let cosine = (facing / size).clamp(0.01, 1.0);
-    let cos_incidence = of(&surface.cos_incidence).mask_where(known.clone().greater_elem(0.5), cosine);
+    let cos_incidence = pixels.of(&surface.cos_incidence).mask_where(known.clone().greater_elem(0.5), cosine);
     Surface {
-        range_m,
+        range_m: cut_m.mask_where(astray, seen_m),
         hit,
-        reflectance: of(&surface.reflectance),
-        class: of(&surface.class),
+        reflectance: pixels.of(&surface.reflectance),
+        class: pixels.of(&surface.class),
         plane,
         known,
         cos_incidence,
     }
 }
 
-/// The values at these pixels, `[batch, ring, column]`.
-fn take(x: &Tensor<3>, pixel: &Tensor<1, Int>) -> Tensor<3> {
-    let [batch, rings, columns] = x.dims();
-    x.clone().reshape([batch, rings * columns]).select(1, pixel.clone()).reshape([batch, rings, columns])
-}
+impl Surface {
+    /// What rays see that pass between what they would see `here` and `there`, the surfaces of the two pixels of their places: where
+    /// both belong to one smooth surface, what lies between; where they meet in a crease, the nearer of two that are hollow and the
+    /// farther of two that bulge.
+    fn meet(&self, aim: &Aim, here: Self, there: Self, rays: &Rays) -> (Self, Other) {
+        let point = rays.directions(&Bend::default()).map(|u| u * self.range_m.clone());
+        let of = |pixels: &Pixels, plane: &[Tensor<3>; 3]| dot(plane, &point.each_ref().map(|x| pixels.of(x))) - 1.0;
+        // By how much, relatively, each plane is nearer than the other at the other's pixel.
+        let (there_nearer, here_nearer) = (of(&aim.nearest, &there.plane), of(&aim.beside, &here.plane));
+        let apart = there_nearer.clone().abs().max_pair(here_nearer.clone().abs());
+        let known = here.known.clone() * there.known.clone();
+        let smooth = (apart.lower_elem(SMOOTH).float() * known.clone()).greater_elem(0.5);
+        let crease = (there_nearer.clone() * here_nearer).greater_elem(0.0).float() * known;
+        let crease = crease.mask_fill(smooth.clone(), 0.0).greater_elem(0.5);
+        let bulging = there_nearer.greater_elem(0.0).float() * 2.0 - 1.0;
+        let farther = (there.range_m.clone() - here.range_m.clone()) * bulging;
+        let swap = (farther.greater_elem(0.0).float() * crease.clone().float()).greater_elem(0.5);
 
-fn column_width(columns: usize) -> f64 {
-    2.0 * std::f64::consts::PI / columns as f64
+        let inverse = |x: &Tensor<3>| x.clone().clamp_min(1e-3).recip();
+        let (from, to) = (inverse(&here.range_m), inverse(&there.range_m));
+        let between_m = (from.clone() + (to - from) * aim.part.clone()).recip();
+        let which = |here: &Tensor<3>, there: &Tensor<3>| here.clone().mask_where(swap.clone(), there.clone());
+        let met = Self {
+            range_m: which(&here.range_m, &there.range_m).mask_where(smooth.clone(), between_m),
+            hit: which(&here.hit, &there.hit),
+            reflectance: which(&here.reflectance, &there.reflectance),
+            class: which(&here.class, &there.class),
+            plane: choose(&swap, here.plane, there.plane),
+            known: here.known,
+            cos_incidence: which(&here.cos_incidence, &there.cos_incidence),
+        };
+        let sharp = |there: Tensor<3>, met: &Tensor<3>| there.mask_where(crease.clone(), met.clone());
+        let other = Other {
+            range_m: sharp(there.range_m, &met.range_m).mask_where(smooth, met.range_m.clone()),
+            hit: sharp(there.hit, &met.hit),
+            reflectance: sharp(there.reflectance, &met.reflectance),
+            weight: aim.part.clone(),
+        };
+        (met, other)
+    }
 }

@@ -1,17 +1,33 @@
 //! The surface that each ray hits, as a plane found from neighbouring rays.
 //!
-//! On a plane a·x = 1 a ray o + r·u has r = (1 − a·o)/(a·u): inverse range is linear in the ray's direction. The plane through a pixel
-//! and one vertical and one horizontal neighbour is exact on flat surfaces; which neighbours lie on the pixel's own surface is decided as
-//! essentially-non-oscillatory schemes do (Harten et al. 1987): on either side by the second difference of the inverse range, which is
-//! small along one surface and large across an edge or a crease.
+//! On a plane a·x = 1 a ray o + r·u has r = (1 − a·o)/(a·u): inverse range is linear in the ray's direction. Each pixel proposes the
+//! planes through itself, one vertical and one horizontal neighbour; the pixels around vote for the planes that they lie on, and the
+//! plane with the most votes is taken: the consensus of Fischler and Bolles, "Random sample consensus" (1981), with every sample tried.
+//! So a plane reaches up to its edges, and none is laid across them.
 
-use burn::tensor::Tensor;
+use burn::tensor::{Bool, Tensor};
 
 use super::neighbours::at;
 use super::rays::{Bend, Rays};
 
-/// Bend of the inverse range (second difference, relative to it) above which three pixels are not on one surface.
-const LARGEST_BEND: f64 = 0.06;
+/// Relative error of a neighbour's range at which its vote counts half.
+const HALF_A_VOTE: f64 = 0.01;
+
+/// Votes from which on a plane is believed.
+const ENOUGH_VOTES: f64 = 0.8;
+
+/// Votes along a row times votes along a column, either at most 1, from which on a plane is believed to span both. Two parallel edges
+/// at different depths lie on a plane too, but nothing beyond them does.
+const ENOUGH_SPAN: f64 = 0.4;
+
+/// Votes that a plane loses for each pixel of another class that it is laid through.
+const OTHER_CLASS: f64 = 1.5;
+
+/// Cosine of the incidence angle from which on a plane that only votes along one line span is believed, if it stays within a class.
+const STEEP: f64 = 0.02;
+
+/// Cosine of the incidence angle below which a plane is an artefact: it runs along the ray.
+const GRAZING: f64 = 0.004;
 
 /// What each ray hits; tensors are `[batch, ring, column]`.
 #[derive(Clone, Debug)]
@@ -32,10 +48,11 @@ pub struct Surface {
     pub cos_incidence: Tensor<3>,
 }
 
-/// A neighbour on one side: the vector to it, and how little it seems to be on the same surface.
-struct Side {
-    to: [Tensor<3>; 3],
-    bend: Tensor<3>,
+/// A plane that a pixel might lie on.
+struct Candidate {
+    plane: [Tensor<3>; 3],
+    votes: Tensor<3>,
+    believed: Tensor<3>,
 }
 
 impl Surface {
@@ -43,32 +60,19 @@ impl Surface {
     pub fn find(range_m: Tensor<3>, reflectance: Tensor<3>, class: Tensor<3>, rays: &Rays) -> Self {
         let hit = range_m.clone().greater_elem(0.0).float();
         let directions = rays.directions(&Bend::default());
-        let point = directions.clone().map(|u| u * range_m.clone());
-        let inverse = hit.clone() / range_m.clone().clamp_min(1e-3);
-        let seen = Seen { point: &point, inverse: &inverse, class: &class };
-        // Steps to the neighbour and from there to the one beyond, as a ratio: rings are not evenly spaced.
-        let up = rays.above_rad.clone() / at(&rays.above_rad, -1, 0, 1.0);
-        let down = rays.below_rad.clone() / at(&rays.below_rad, 1, 0, 1.0);
-        let even = up.clone() * 0.0 + 1.0;
-        let vertical = seen.side(-1, 0, &up).or(seen.side(1, 0, &down));
-        let horizontal = seen.side(0, -1, &even).or(seen.side(0, 1, &even));
+        let seen = Seen::new(directions.clone().map(|u| u * range_m.clone()), &range_m, &class);
+        let up_left = seen.candidate(-1, -1);
+        let best = up_left.or(seen.candidate(-1, 1)).or(seen.candidate(1, -1)).or(seen.candidate(1, 1));
 
-        let normal = cross(&vertical.to, &horizontal.to);
-        let offset = dot(&normal, &point);
-        let size = dot(&normal, &normal).clamp_min(1e-30).sqrt();
-        let cosine = offset.clone().abs() / (size.clone() * range_m.clone().clamp_min(1e-3));
-        let flat = vertical.bend.lower_elem(LARGEST_BEND).float() * horizontal.bend.lower_elem(LARGEST_BEND).float();
-        let seen = cosine.clone().greater_elem(0.004).float() * size.greater_elem(1e-12).float();
-        let known = flat * seen * hit.clone();
-
+        let known = best.believed * hit.clone();
         let unknown = known.clone().equal_elem(0.0);
-        let offset = offset.mask_fill(unknown.clone(), 1.0);
-        let mut plane = normal.map(|n| n / offset.clone());
+        let inverse = hit.clone() / range_m.clone().clamp_min(1e-3);
+        let mut plane = best.plane;
         for (a, u) in plane.iter_mut().zip(directions) {
-            let facing = u * inverse.clone();
-            *a = a.clone().mask_where(unknown.clone(), facing);
+            *a = a.clone().mask_where(unknown.clone(), u * inverse.clone());
         }
-        let cos_incidence = cosine.mask_fill(unknown, 1.0).clamp(0.01, 1.0);
+        let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
+        let cos_incidence = (inverse / size).mask_fill(unknown, 1.0).clamp(0.01, 1.0);
         Self { range_m, hit, reflectance, class, plane, known, cos_incidence }
     }
 
@@ -80,42 +84,79 @@ impl Surface {
 
 /// What a pixel's neighbours are judged by.
 struct Seen<'a> {
-    point: &'a [Tensor<3>; 3],
-    inverse: &'a Tensor<3>,
+    point: [Tensor<3>; 3],
+    range_m: &'a Tensor<3>,
     class: &'a Tensor<3>,
+    diagonal: [[Tensor<3>; 3]; 4],
 }
 
-impl Seen<'_> {
-    /// The neighbour at (down, right), judged by the pixel beyond it; `ratio` is the step to it over the step from it to that pixel.
-    fn side(&self, down: i64, right: i64, ratio: &Tensor<3>) -> Side {
-        let next = at(self.inverse, down, right, 0.0);
-        let beyond = at(self.inverse, 2 * down, 2 * right, 0.0);
-        let second = (beyond.clone() - next.clone()) * ratio.clone() - (next.clone() - self.inverse.clone());
-        let no_beyond = beyond.lower_elem(1e-9);
-        let bend = second.abs().mask_fill(no_beyond.clone(), 0.0) / self.inverse.clone().clamp_min(1e-6);
-        let no_next = next.lower_elem(1e-9).float();
-        let elsewhere = |n: i64| {
-            let class = at(self.class, n * down, n * right, -1.0) - self.class.clone();
-            class.abs().greater_elem(0.5).float()
+impl<'a> Seen<'a> {
+    fn new(point: [Tensor<3>; 3], range_m: &'a Tensor<3>, class: &'a Tensor<3>) -> Self {
+        let diagonal = [(-1, -1), (-1, 1), (1, -1), (1, 1)].map(|(down, right)| beside(&point, down, right));
+        Self { point, range_m, class, diagonal }
+    }
+
+    /// The plane through a pixel, the one above or below and the one on the left or right, and who votes for it.
+    fn candidate(&self, down: i64, right: i64) -> Candidate {
+        let to = |down, right| {
+            let [x, y, z] = beside(&self.point, down, right);
+            let [px, py, pz] = self.point.clone();
+            [x - px, y - py, z - pz]
         };
-        // A pixel that lacks the one beyond can still be judged worse than any that has it, and better than none.
-        let doubt = (no_beyond.float() + elsewhere(2)) * (0.5 * LARGEST_BEND) + (no_next + elsewhere(1)) * 1e3;
-        let to = self.point.clone().map(|x| at(&x, down, right, 0.0) - x);
-        Side { to, bend: bend.clamp_max(1e2) + doubt }
+        let normal = cross(&to(down, 0), &to(0, right));
+        let offset = dot(&normal, &self.point);
+        let size = dot(&normal, &normal).clamp_min(1e-30).sqrt();
+        let cosine = offset.clone().abs() / (size * self.range_m.clone().clamp_min(1e-3));
+        let grazing = cosine.clone().lower_elem(GRAZING);
+        let offset = offset.mask_fill(grazing.clone(), 1.0);
+        let plane = normal.map(|n| n / offset.clone());
+
+        // A pixel without a return is at the origin, which lies on no plane a·x = 1: it has no vote, and no plane goes through it.
+        let vote = |at: &[Tensor<3>; 3]| {
+            let error = (dot(&plane, at) - 1.0) * (1.0 / HALF_A_VOTE);
+            (error.square() + 1.0).recip()
+        };
+        let vote_at = |down, right| vote(&beside(&self.point, down, right));
+        let column = vote_at(-down, 0) + vote_at(2 * down, 0);
+        let row = vote_at(0, -right) + vote_at(0, 2 * right);
+        let span = column.clone().clamp_max(1.0) * row.clone().clamp_max(1.0);
+        let [a, b, c, d] = self.diagonal.each_ref().map(vote);
+        let elsewhere = self.elsewhere(down, 0) + self.elsewhere(0, right);
+        let votes = column + row + a + b + c + d + span.clone() - elsewhere.clone() * OTHER_CLASS;
+        let steep = cosine.greater_elem(STEEP).float() * elsewhere.lower_elem(0.5).float();
+        let spans = (span.greater_elem(ENOUGH_SPAN).float() + steep).clamp_max(1.0);
+        let believed = spans * votes.clone().greater_elem(ENOUGH_VOTES).float();
+        Candidate { plane, votes: votes.mask_fill(grazing, -9.0), believed }
+    }
+
+    /// 1 where the pixel beside is of another class.
+    fn elsewhere(&self, down: i64, right: i64) -> Tensor<3> {
+        (at(self.class, down, right, -1.0) - self.class.clone()).abs().greater_elem(0.5).float()
     }
 }
 
-impl Side {
-    /// The better of two sides, pixel by pixel.
+impl Candidate {
+    /// The better of two, pixel by pixel.
     fn or(self, other: Self) -> Self {
-        let worse = other.bend.clone().lower(self.bend.clone());
-        let [x, y, z] = self.to;
-        let [ox, oy, oz] = other.to;
+        let worse = self.votes.clone().lower(other.votes.clone());
         Self {
-            to: [x.mask_where(worse.clone(), ox), y.mask_where(worse.clone(), oy), z.mask_where(worse.clone(), oz)],
-            bend: self.bend.mask_where(worse, other.bend),
+            plane: choose(&worse, self.plane, other.plane),
+            votes: self.votes.mask_where(worse.clone(), other.votes),
+            believed: self.believed.mask_where(worse, other.believed),
         }
     }
+}
+
+/// The points of the pixels beside.
+fn beside(point: &[Tensor<3>; 3], down: i64, right: i64) -> [Tensor<3>; 3] {
+    point.each_ref().map(|x| at(x, down, right, 0.0))
+}
+
+/// The second vector where a mask holds, else the first.
+pub(crate) fn choose(mask: &Tensor<3, Bool>, first: [Tensor<3>; 3], second: [Tensor<3>; 3]) -> [Tensor<3>; 3] {
+    let [x, y, z] = first;
+    let [ox, oy, oz] = second;
+    [x.mask_where(mask.clone(), ox), y.mask_where(mask.clone(), oy), z.mask_where(mask.clone(), oz)]
 }
 
 /// Scalar product.
