@@ -5,8 +5,6 @@ use std::fmt::Write as _;
 use crate::closed_loop::screen::{EffectCurve, Piece, unit};
 use crate::effects::Covariate;
 
-use super::numbers::digits;
-
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 300.0;
 /// Left, right, top, bottom of the frame within the drawing.
@@ -76,9 +74,10 @@ fn grid(svg: &mut String, axes: &Axes, curve: &EffectCurve) {
         let _ = write!(svg, r#"<line class="{class}" x1="{left}" x2="{right}" y1="{at:.1}" y2="{at:.1}"/>"#);
         let _ = write!(svg, r#"<text x="{}" y="{:.1}" text-anchor="end">{}</text>"#, left - 8.0, at + 4.0, tick(y));
     }
-    for x in ticks(axes.x) {
+    let logarithmic = is_logarithmic(curve.covariate);
+    for x in if logarithmic { decades(axes.x) } else { ticks(axes.x) } {
         let at = axes.x(x);
-        let shown = if curve.covariate == Covariate::Range { digits(x.exp(), 2) } else { tick(x) };
+        let shown = tick(if logarithmic { x.exp() } else { x });
         let _ = write!(svg, r#"<line class="grid" x1="{at:.1}" x2="{at:.1}" y1="{top}" y2="{bottom}"/>"#);
         let _ = write!(svg, r#"<text x="{at:.1}" y="{}" text-anchor="middle">{shown}</text>"#, bottom + 18.0);
     }
@@ -91,10 +90,15 @@ fn grid(svg: &mut String, axes: &Axes, curve: &EffectCurve) {
     );
 }
 
-/// Middle of a piece: ranges by their logarithm.
+/// Middle of a piece; lengths by their logarithm.
 fn middle(p: &Piece, covariate: Covariate) -> f64 {
     let middle = f64::midpoint(p.from, p.to);
-    if covariate == Covariate::Range { middle.max(0.1).ln() } else { middle }
+    if is_logarithmic(covariate) { middle.max(1e-3).ln() } else { middle }
+}
+
+/// Whether a covariate spans decades.
+fn is_logarithmic(covariate: Covariate) -> bool {
+    matches!(covariate, Covariate::Range | Covariate::DepthJump)
 }
 
 /// A covariate with its unit.
@@ -119,6 +123,13 @@ fn ticks((low, high): (f64, f64)) -> Vec<f64> {
     (first..=last).map(|k| k as f64 * step).collect()
 }
 
+/// Logarithms of 1, 2 and 5 times powers of ten within; of the powers alone where these are enough.
+fn decades((low, high): (f64, f64)) -> Vec<f64> {
+    let steps: &[f64] = if high - low > 5.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let all = (-4..5).flat_map(|power| steps.iter().map(move |m| (m * 10f64.powi(power)).ln()));
+    all.filter(|x| (low..=high).contains(x)).collect()
+}
+
 fn tick(x: f64) -> String {
     let rounded = (x * 1e6).round() / 1e6;
     format!("{rounded}").replace('-', "−")
@@ -139,5 +150,8 @@ mod tests {
         assert_eq!(ticks((-0.13, 0.32)), [-0.1, 0.0, 0.1, 0.2, 0.300_000_000_000_000_04]);
         assert_eq!(ticks((0.0, 63.0)), [0.0, 20.0, 40.0, 60.0]);
         assert_eq!(tick(0.300_000_000_000_000_04), "0.3");
+        let ranges: Vec<String> = decades((3f64.ln(), 80f64.ln())).into_iter().map(|x| tick(x.exp())).collect();
+        assert_eq!(ranges, ["5", "10", "20", "50"]);
+        assert_eq!(decades((0.002f64.ln(), 8f64.ln())).len(), 3);
     }
 }

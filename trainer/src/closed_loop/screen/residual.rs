@@ -14,14 +14,14 @@ pub const CHANNELS: [Channel; 5] =
 /// Standardised residuals are held to this.
 const LARGEST: f64 = 4.0;
 
-/// Expectation of ln χ² with one degree of freedom: −γ − ln 2.
-const MEAN_LOG_CHI2: f64 = -1.270_362_845;
-
-/// Its standard deviation: π/√2.
-const SIGMA_LOG_CHI2: f64 = 2.221_441_469;
-
 /// Squares are held above this, for the logarithm of a residual that happens to be 0 says nothing.
 const LEAST_SQUARE: f64 = 1e-3;
+
+/// Expectation of ln max(χ², [`LEAST_SQUARE`]) with one degree of freedom: −γ − ln 2 without the floor, which adds 4·φ(0)·√floor.
+const MEAN_LOG_CHI2: f64 = -1.219_903;
+
+/// Its standard deviation, by quadrature.
+const SIGMA_LOG_CHI2: f64 = 2.039_972;
 
 /// Variance of a yes or no below which it does not count: a certain prediction that fails is one event, not a thousand.
 const LEAST_VARIANCE: f64 = 1e-3;
