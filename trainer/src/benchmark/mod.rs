@@ -17,6 +17,8 @@
 //! - `nothing`: no effect and no unexplained dependence.
 //! - `size`: named first, at sizes from a sixteenth to twice the typical. Shares are made to rise with size by isotonic regression; the
 //!   size at which one half or 95 % are found is interpolated on the logarithm of size.
+//! - *Error removed*: on the confirm scenes, (before − after) / (before − ceiling) in the channels that the defect acts on, the least of
+//!   them; the ceiling is that of the noise that was hidden, not of the noise that was found. Tables give the median over sets.
 //! - A set that the loop refuses, or that makes it panic, is a set with no answer: nothing in it is right.
 //!
 //! Intervals of shares are Wilson's (Probable inference, the law of succession, and statistical inference, 1927), at 95 %.
@@ -24,6 +26,7 @@
 mod case;
 mod judge;
 mod quantity;
+mod removed;
 mod row;
 mod run;
 mod share;

@@ -53,8 +53,8 @@ pub struct Answer {
     pub unexplained: Vec<Dependence>,
     /// What it decided, round by round.
     pub rounds: Vec<Step>,
-    /// Share of the reducible error that is gone on the confirm scenes, in the channels that the defect acts on; none where the loop does
-    /// not measure it.
+    /// Share of the reducible error that is gone on the confirm scenes, in the channels that the defect acts on; none where nothing is
+    /// reducible.
     pub removed: Option<f64>,
 }
 

@@ -9,8 +9,10 @@ use anyhow::{Context, Result};
 use hidden::{HiddenFrame, Recipe, frames};
 
 use super::case::{Case, Extent};
+use super::removed::removed;
 use super::row::{Answer, Reply, Row};
 use crate::closed_loop::calibrate::{calibrate, pairs};
+use crate::closed_loop::metrics::confirm;
 use crate::closed_loop::model::SensorModel;
 use crate::sets::{Frame, PairedSet};
 
@@ -91,5 +93,8 @@ fn answer(recipe: &Recipe, made: &[HiddenFrame]) -> Result<Answer> {
     let set = PairedSet::from_frames("hidden", recipe.sensor.clone(), scenes, frames)?;
     let before = SensorModel::ideal(set.sensor.rings().len());
     let calibration = calibrate(&set, &pairs(&set), &before, recipe.seed, &|_| ());
-    Ok(Answer::new(&calibration.outcome, None))
+    let outcome = &calibration.outcome;
+    let batches: Vec<_> = calibration.confirm.iter().collect();
+    let confirmation = confirm(&outcome.before, &outcome.after, &batches, recipe.seed);
+    Ok(Answer::new(outcome, removed(&confirmation, recipe)))
 }

@@ -40,20 +40,16 @@ pub struct Table {
 /// The tables that explain most of a channel's residual: of one covariate if that is nearly as good as of two. `None` where nothing
 /// depends on anything.
 pub fn best_table(model: &SensorModel, halves: &Halves<'_>, screening: &Screening, channel: Channel) -> Option<Table> {
-    let depends = |d: &&Dependence| {
-        d.channel == channel && d.q_value < 0.05 && d.share > LEAST_SHARE && !d.covariates.is_empty()
-    };
+    let depends =
+        |d: &&Dependence| d.channel == channel && d.q_value < 0.05 && d.share > LEAST_SHARE && !d.covariates.is_empty();
     let of = |n: usize| screening.dependences.iter().filter(depends).filter(move |d| d.covariates.len() == n);
     let mut tried: Vec<Table> = of(1).take(SINGLES).filter_map(|d| table(model, halves, d)).collect();
     tried.extend(of(2).take(1).filter_map(|d| table(model, halves, d)));
     let most = tried.iter().map(|t| t.trial.gain.value).fold(f64::NEG_INFINITY, f64::max);
-    tried
-        .into_iter()
-        .filter(|t| most > 0.0 && t.trial.gain.value >= NEARLY_AS_GOOD * most)
-        .min_by(|a, b| {
-            let simple = a.covariates.len().cmp(&b.covariates.len());
-            simple.then(b.trial.gain.value.total_cmp(&a.trial.gain.value))
-        })
+    tried.into_iter().filter(|t| most > 0.0 && t.trial.gain.value >= NEARLY_AS_GOOD * most).min_by(|a, b| {
+        let simple = a.covariates.len().cmp(&b.covariates.len());
+        simple.then(b.trial.gain.value.total_cmp(&a.trial.gain.value))
+    })
 }
 
 /// Fits and scores a table over what a dependence names.

@@ -83,7 +83,8 @@ impl Search<'_> {
                 .collect();
             judged.sort_by(|a, b| b.trial.gain.value.total_cmp(&a.trial.gain.value));
             let choice = choose(&judged);
-            let decision = choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.trial.name()));
+            let decision =
+                choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.trial.name()));
             (self.progress)(&decision);
             self.rounds.push(Round { candidates: judged.iter().map(Judged::candidate).collect(), decision });
             let Some((winner, ties)) = choice else { return };
@@ -136,10 +137,8 @@ impl Search<'_> {
             let decision = format!("replace {name} by {}: it does not hold its own", table.trial.name());
             (self.progress)(&decision);
             let judged = |trial: Trial, q_value: f64, passed: bool| Judged { trial, q_value, passed }.candidate();
-            let candidates = vec![
-                judged(table.trial.clone(), table.q_value, true),
-                judged(named, self.found[i].q_value, false),
-            ];
+            let candidates =
+                vec![judged(table.trial.clone(), table.q_value, true), judged(named, self.found[i].q_value, false)];
             self.rounds.push(Round { candidates, decision });
             self.found.remove(i);
             self.model = without;
@@ -187,7 +186,13 @@ impl Search<'_> {
         let declared: Vec<Found> = before
             .effects()
             .iter()
-            .map(|term| Found { term: term.clone(), stderr: vec![], gain: Interval::default(), q_value: 0.0, ties: vec![] })
+            .map(|term| Found {
+                term: term.clone(),
+                stderr: vec![],
+                gain: Interval::default(),
+                q_value: 0.0,
+                ties: vec![],
+            })
             .collect();
         let unexplained = self.tables.iter().map(|table| Unexplained {
             channel: table.channel,
