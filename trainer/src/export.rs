@@ -89,7 +89,7 @@ pub fn publish(models: &Path, card: &Card, onnx: &[u8]) -> Result<PathBuf> {
 }
 
 /// The card for people.
-fn to_markdown(card: &Card) -> String {
+pub fn to_markdown(card: &Card) -> String {
     let (near, far) = card.sensor.range_limits_m();
     let (rings, columns) = (card.sensor.rings().len(), card.sensor.columns());
     let mut out = format!(
@@ -102,10 +102,22 @@ fn to_markdown(card: &Card) -> String {
     if !card.notes.is_empty() {
         let _ = write!(out, "\n{}\n", card.notes);
     }
+    if !card.effects.is_empty() {
+        out += "\n## Sensor effects\n\n| effect | parameter | value | standard error |\n|---|---|---|---|\n";
+    }
+    for effect in &card.effects {
+        for p in &effect.parameters {
+            let stderr = p.stderr.map_or_else(String::new, |stderr| format!("{stderr:.2e}"));
+            let _ = writeln!(out, "| {} | {} | {} | {stderr} |", effect.name, p.name, (p.value * 1e6).round() / 1e6);
+        }
+    }
     out += "\n## Learned from\n\n| data | licence | scans | SHA-256 |\n|---|---|---|---|\n";
     for d in &card.trained_on {
         let _ =
             writeln!(out, "| {} | {} | {} | `{}…` |", d.name, d.licence, d.scans, &d.sha256[..16.min(d.sha256.len())]);
+    }
+    if card.scores.is_empty() {
+        return out;
     }
     out += "\n## Held-out scores\n\n| metric | unit | pass-through | model | scans |\n|---|---|---|---|---|\n";
     for s in &card.scores {

@@ -1,14 +1,19 @@
 //! The closed loop: finds what a sensor does that its model lacks, traces it to an effect, adds it, and says what that was worth.
 
 pub mod black_box;
+pub mod base;
 pub mod calibrate;
 pub mod candidate;
 pub mod data;
+pub mod declared;
+pub mod export;
 pub mod fit;
+pub mod folder;
 pub mod improve;
 pub mod likelihood;
 pub mod metrics;
 pub mod model;
+pub mod network;
 pub mod newton;
 pub mod outcome;
 pub mod predicted;

@@ -78,6 +78,11 @@ impl Covariate {
         }
     }
 
+    /// Identifier of a knot of a table over it.
+    pub fn knot_name(self) -> String {
+        format!("{}_knot", self.name())
+    }
+
     /// Identifiers of one or two.
     pub fn names(some: &[Self]) -> &'static [&'static str] {
         match some {

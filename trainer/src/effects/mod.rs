@@ -81,6 +81,11 @@ pub trait Effect: Debug + Send + Sync {
     /// The image of a sensor that has it. Tensors `[batch, ring, column]`.
     fn forward(&self, values: &Values, image: Image) -> Image;
 
+    /// Numbers that are part of what it is and not fitted, by their names: the knots of a table.
+    fn constants(&self) -> Vec<(String, f64)> {
+        vec![]
+    }
+
     /// Values from which a fit should start on these data, where the starts of [`parameters`](Self::parameters) would lead it astray: one
     /// or several lists, each of all the parameters' numbers in their order. The best after the fit counts.
     fn starts(&self, _evidence: &Evidence) -> Vec<Vec<f64>> {

@@ -42,6 +42,10 @@ pub struct Axis {
 }
 
 impl Target {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Range, Self::RangeSpread, Self::Reflectance, Self::ReflectanceGain, Self::Missing];
+
     /// Identifier.
     pub const fn name(self) -> &'static str {
         match self {
@@ -213,6 +217,14 @@ impl Effect for SmoothTable {
         let (mut parameter, _, _) = self.target.parameter();
         parameter.extent = Extent::Knots(self.axes.iter().map(|axis| axis.knots.len()).product());
         vec![parameter]
+    }
+
+    fn constants(&self) -> Vec<(String, f64)> {
+        let of = |axis: &Axis| {
+            let name = axis.covariate.knot_name();
+            axis.knots.iter().map(|knot| (name.clone(), f64::from(*knot))).collect::<Vec<_>>()
+        };
+        self.axes.iter().flat_map(of).collect()
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
