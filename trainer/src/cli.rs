@@ -1,6 +1,7 @@
 //! The command line.
 
 mod benchmark;
+mod calibrate;
 
 use std::path::PathBuf;
 
@@ -16,6 +17,7 @@ use trainer::train::{Run, best_network, train};
 use trainer::{export, sensor_report};
 
 use benchmark::BenchmarkArgs;
+use calibrate::CalibrateArgs;
 
 /// Learn what a real lidar makes of a simulated scan.
 #[derive(Debug, Parser)]
@@ -35,6 +37,8 @@ enum Command {
     Export(ExportArgs),
     /// Ray cast made-up streets, or a mesh: labelled scans where no simulator is at hand.
     Simulate(SimulateArgs),
+    /// Find what a sensor does that its model lacks, and add it to the model.
+    Calibrate(CalibrateArgs),
     /// Estimate a spinning sensor from its scans, and report the points that projections lose.
     Sensor(SensorArgs),
     /// Hide known defects from the closed loop and count how often it finds them.
@@ -159,6 +163,7 @@ impl Cli {
                 }
             }
             Command::BenchmarkLoop(args) => args.run()?,
+            Command::Calibrate(args) => args.run()?,
             Command::Sensor(args) => {
                 let report = sensor_report::report(&args.scans, &load_sensor(&args.builtin)?)?;
                 println!("{}", report.table);

@@ -1,4 +1,4 @@
-//! `realbeam-trainer`: train, evaluate, export, simulate.
+//! `realbeam-trainer`: train, evaluate, export, simulate, calibrate.
 
 mod cli;
 
