@@ -12,9 +12,9 @@ use rand::SeedableRng;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 use trainer::closed_loop::base::Base;
-use trainer::closed_loop::calibrate::{Calibration, calibrate};
-use trainer::closed_loop::model::Term;
-use trainer::closed_loop::{export, folder};
+use trainer::closed_loop::calibrate::calibrate;
+use trainer::closed_loop::delivery::Delivery;
+use trainer::closed_loop::folder;
 use trainer::effects::library;
 use trainer::sets::{Frame, PairedSet};
 
@@ -58,8 +58,8 @@ impl CalibrateArgs {
         self.close(&set, &Base::ideal(&set.sensor))?;
         println!("\nHidden in the measured half was:");
         for defect in &recipe.hidden {
-            let values = defect.truth().into_iter().map(|(name, value)| (name, value, None));
-            println!("  {}: {}", defect.title(), in_a_row(values));
+            let values = defect.truth().into_iter().map(|(name, value)| format!("{name} {value:.4}"));
+            println!("  {}: {}", defect.title(), values.collect::<Vec<_>>().join(", "));
         }
         Ok(())
     }
@@ -78,57 +78,14 @@ impl CalibrateArgs {
             }
         });
         bar.finish_and_clear();
-        let card = export::card(set, base, &calibration.outcome, vec![]);
-        let onnx = export::to_onnx(&calibration.outcome.after, base.network.as_ref(), &card)?;
-        let card = trainer::export::to_markdown(&card);
-        folder::replace(&self.out, &[("model.onnx", &onnx), ("card.md", card.as_bytes())])?;
-        summarise(&calibration);
-        println!("{}", self.out.join("model.onnx").display());
+        let delivery = Delivery::new(set, base, calibration, self.seed)?;
+        delivery.write(&self.out)?;
+        println!("{}", delivery.report.words());
+        for file in folder::FILES {
+            println!("{}", self.out.join(file).display());
+        }
         Ok(())
     }
-}
-
-/// What was tried, and what the sensor does.
-fn summarise(calibration: &Calibration) {
-    let outcome = &calibration.outcome;
-    for (i, round) in outcome.rounds.iter().enumerate() {
-        println!("round {}: {}", i + 1, round.decision);
-        for candidate in round.candidates.iter().filter(|candidate| candidate.passed) {
-            let gain = candidate.gain_nats_per_pixel;
-            println!(
-                "  {}: {:.2e} nats a ray ({:.1e} to {:.1e})",
-                candidate.name, gain.value, gain.ci95[0], gain.ci95[1]
-            );
-        }
-    }
-    for (title, found) in [("Known before", &outcome.declared), ("Found", &outcome.effects)] {
-        for found in found {
-            println!("{title}: {}: {}", found.term.name(), in_a_row(numbers(&found.term, &found.stderr)));
-            if !found.ties.is_empty() {
-                println!("  as well explained by: {}", found.ties.join(", "));
-            }
-        }
-    }
-    if outcome.effects.is_empty() {
-        println!("Nothing that the library knows is missing.");
-    }
-    for caveat in &outcome.caveats {
-        println!("Note: {caveat}");
-    }
-}
-
-/// Name, value and standard error of each number of a term.
-fn numbers<'t>(term: &'t Term, stderr: &'t [f64]) -> impl Iterator<Item = (&'static str, f64, Option<f64>)> + 't {
-    let names = term.layout().into_iter().flat_map(|(parameter, range)| range.map(move |_| parameter.name));
-    names.zip(term.physical()).enumerate().map(|(i, (name, value))| (name, value, stderr.get(i).copied()))
-}
-
-fn in_a_row(numbers: impl Iterator<Item = (&'static str, f64, Option<f64>)>) -> String {
-    let text = numbers.map(|(name, value, stderr)| match stderr {
-        Some(stderr) => format!("{name} {value:.4} ± {stderr:.4}"),
-        None => format!("{name} {value:.4}"),
-    });
-    text.collect::<Vec<_>>().join(", ")
 }
 
 fn progress_bar() -> ProgressBar {

@@ -1,11 +1,12 @@
 //! The closed loop: finds what a sensor does that its model lacks, traces it to an effect, adds it, and says what that was worth.
 
-pub mod black_box;
 pub mod base;
+pub mod black_box;
 pub mod calibrate;
 pub mod candidate;
 pub mod data;
 pub mod declared;
+pub mod delivery;
 pub mod export;
 pub mod fit;
 pub mod folder;
