@@ -1,5 +1,6 @@
 //! Every effect of the library reaches ONNX: ONNX Runtime draws the scans that Burn draws.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData, s};
@@ -17,6 +18,7 @@ use trainer::closed_loop::network::Generated;
 use trainer::effects::{Effect, Image, NOISE_CHANNELS, Rays, Simulated, library};
 
 type Fact = Result<(), Box<dyn std::error::Error>>;
+type Maybe<T> = Result<T, Box<dyn std::error::Error>>;
 
 const RINGS: usize = 16;
 const COLUMNS: usize = 128;
@@ -49,9 +51,9 @@ fn noise() -> Vec<f32> {
     noise
 }
 
-fn in_burn(model: &SensorModel, sensor: &Sensor, scans: &[RangeImage]) -> Drawn {
-    let certain = |scan: &RangeImage| Generated { image: scan.clone(), keep: vec![1.0; RINGS * COLUMNS] };
-    behind(&scans.iter().map(certain).collect::<Vec<_>>(), model, sensor)
+/// The scans as they are, every ray reported.
+fn ideal(scans: &[RangeImage]) -> Vec<Generated> {
+    scans.iter().map(|scan| Generated { image: scan.clone(), keep: vec![1.0; RINGS * COLUMNS] }).collect()
 }
 
 /// What a model's effects make of what a network generated.
@@ -122,58 +124,85 @@ fn at_work(effect: &Arc<dyn Effect>, units: f64) -> Term {
 /// Rays on which the two differ by more than rounding does.
 ///
 /// Both compute in single precision, in orders of their own, so results differ by some units of 6e-8 of the numbers on the way: on
-/// planes, whose neighbours' directions are nearly parallel, up to 1e-3 of a range. A few rays lie so near a decision (which neighbour is
-/// on the same surface, whether a return comes, which step a range is rounded to) that it falls the other way.
-fn rays_apart(found: &Drawn, expected: &Drawn) -> usize {
+/// planes, whose neighbours' directions are nearly parallel, up to 1e-3 of a range.
+fn rays_apart(found: &Drawn, expected: &Drawn) -> BTreeSet<usize> {
     let apart = |i: &usize| {
         let tolerances = [1e-3 * expected[0][*i].max(1.0), 1e-3, 1e-3];
         (0..3).any(|k| (found[k][*i] - expected[k][*i]).abs() > tolerances[k] || found[k][*i].is_nan())
     };
-    (0..expected[0].len()).filter(apart).count()
+    (0..expected[0].len()).filter(apart).collect()
+}
+
+/// Rays that rounding decides: so near a choice (which plane has more votes, whether a return comes, which step a range is rounded to)
+/// that Burn itself chooses otherwise where ranges change by a few units of their last place.
+fn unsteady(generated: &[Generated], model: &SensorModel, sensor: &Sensor) -> BTreeSet<usize> {
+    let expected = behind(generated, model, sensor);
+    let nudged = |draw: u32| {
+        let nudge = |g: &Generated| {
+            let mut nudges = vec![0.0; RINGS * COLUMNS];
+            uniform(u64::from(draw), 9, COLUMNS, &mut nudges);
+            let range_m = g.image.range_m().iter().zip(nudges).map(|(r, u)| r * (1.0 + 6e-7 * (u - 0.5)));
+            let (reflectance, class) = (g.image.reflectance().to_vec(), g.image.class().to_vec());
+            let image = RangeImage::from_channels(COLUMNS, range_m.collect(), reflectance, class);
+            Generated { image, keep: g.keep.clone() }
+        };
+        behind(&generated.iter().map(nudge).collect::<Vec<_>>(), model, sensor)
+    };
+    (0..8).flat_map(|draw| rays_apart(&nudged(draw), &expected)).collect()
+}
+
+/// What stands between ONNX Runtime's answer and Burn's, in words; nothing if both are the same but where rounding decides.
+fn difference(
+    onnx: &[u8],
+    generated: &[Generated],
+    scans: &[RangeImage],
+    model: &SensorModel,
+) -> Maybe<Option<String>> {
+    let sensor = sensor()?;
+    let apart = rays_apart(&in_onnx_runtime(onnx, scans)?, &behind(generated, model, &sensor));
+    let unsteady = unsteady(generated, model, &sensor);
+    let steady = apart.difference(&unsteady).count();
+    let rays = FRAMES * RINGS * COLUMNS;
+    eprintln!("{} of {rays} rays apart, {steady} of them steady; {} are not", apart.len(), unsteady.len());
+    // Eight draws do not find every ray that rounding decides; and were there many, nothing would be shown.
+    let same = steady * 1000 <= rays && unsteady.len() * 50 <= rays;
+    Ok((!same).then(|| format!("{} of {rays} rays apart, {steady} steady, {} unsteady", apart.len(), unsteady.len())))
 }
 
 #[test]
 fn onnx_runtime_draws_what_burn_draws_with_every_effect_and_with_all_of_them() -> Fact {
     let sensor = sensor()?;
     let scans = streets(&sensor)?;
+    let generated = ideal(&scans);
     let floor = SensorModel::ideal(RINGS);
-    let plain = in_burn(&floor, &sensor, &scans);
-    let mut whole = floor.clone();
-    let mut failures = Vec::new();
-    let mut try_one = |name: &str, model: &SensorModel, must_act: bool| -> Fact {
-        let expected = in_burn(model, &sensor, &scans);
-        let onnx = match to_onnx(model, None, &card(&sensor)) {
-            Ok(onnx) => onnx,
-            Err(error) => {
-                failures.push(format!("{name}: {error:#}"));
-                return Ok(());
-            }
-        };
-        let apart = rays_apart(&in_onnx_runtime(&onnx, &scans)?, &expected);
-        let acts = rays_apart(&plain, &expected);
-        eprintln!(
-            "{name}: {apart} of {} rays differ by more than rounding; it acts on {acts}",
-            FRAMES * RINGS * COLUMNS
-        );
-        if apart > FRAMES * RINGS * COLUMNS / 1000 {
-            failures.push(format!("{name}: {apart} rays differ"));
-        }
-        if must_act && acts == 0 {
-            failures.push(format!("{name} does nothing, so that nothing is shown"));
-        }
-        Ok(())
-    };
-    try_one("noise_floor", &floor, false)?;
+    let plain = behind(&generated, &floor, &sensor);
+    let acts = |model: &SensorModel| !rays_apart(&plain, &behind(&generated, model, &sensor)).is_empty();
+    let mut models = vec![("noise_floor", floor.clone())];
+    let (mut whole, mut failures) = (floor.clone(), Vec::new());
     for effect in library() {
+        let name = effect.about().name;
         let with = |units: f64| floor.with(&[at_work(&effect, units)]);
         // Some effects begin where they do nothing, many units from where they do something.
-        let acts = |model: &SensorModel| rays_apart(&plain, &in_burn(model, &sensor, &scans)) > 0;
-        let model = [1.0, 4.0, 16.0, 64.0].map(with).into_iter().find(acts).unwrap_or_else(|| with(1.0));
-        whole.terms.extend(model.effects().to_vec());
+        let model = [1.0, 4.0, 16.0, 64.0].map(with).into_iter().find(acts);
         // A model has no frames: drift, which depends on nothing else, rests.
-        try_one(effect.about().name, &model, effect.about().covariates != ["frame"])?;
+        if model.is_none() && effect.about().covariates != ["frame"] {
+            failures.push(format!("{name} does nothing, so that nothing is shown"));
+        }
+        let model = model.unwrap_or_else(|| with(1.0));
+        whole.terms.extend(model.effects().to_vec());
+        models.push((name, model));
     }
-    try_one("all of them", &whole, true)?;
+    models.push(("all of them", whole));
+    for (name, model) in &models {
+        eprint!("{name}: ");
+        match to_onnx(model, None, &card(&sensor)) {
+            Ok(onnx) => {
+                let difference = difference(&onnx, &generated, &scans, model)?;
+                failures.extend(difference.map(|difference| format!("{name}: {difference}")));
+            }
+            Err(error) => failures.push(format!("{name}: {error:#}")),
+        }
+    }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
     Ok(())
 }
@@ -238,8 +267,7 @@ fn effects_behind_a_network_act_on_what_it_generates_and_come_off_again() -> Fac
     model.terms.push(at_work(&offset, 3.0));
     let whole = Card { effects: declared::write(&model, &[]), ..card(&sensor) };
     let onnx = to_onnx(&model, Some(network), &whole)?;
-    let apart = rays_apart(&in_onnx_runtime(&onnx, &scans)?, &behind(&generated, &model, &sensor));
-    assert!(apart * 1000 <= FRAMES * RINGS * COLUMNS, "{apart} rays differ");
+    assert_eq!(difference(&onnx, &generated, &scans, &model)?, None);
 
     let again = Base::read(&written("whole.onnx", &onnx)?, &sensor)?;
     let names: Vec<&str> = again.declared.effects().iter().map(Term::name).collect();
