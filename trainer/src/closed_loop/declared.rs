@@ -152,6 +152,8 @@ fn counted(names: &[&str]) -> String {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
+
     use super::*;
     use crate::closed_loop::outcome::Interval;
 

@@ -72,7 +72,7 @@ pub fn to_onnx(model: &SensorModel, network: Option<&Network>, card: &Card) -> R
             |numbers, (scan, noise)| {
                 let (range_m, reflectance) = (channel(&scan, 0), channel(&scan, 1));
                 let keep = range_m.ones_like();
-                numbers.draw(model, sensor, Generated { range_m, reflectance, keep, scan }, noise)
+                numbers.draw(model, sensor, Generated { range_m, reflectance, keep, scan }, &noise)
             },
         )?);
     };
@@ -87,7 +87,7 @@ pub fn to_onnx(model: &SensorModel, network: Option<&Network>, card: &Card) -> R
         },
         |numbers, ((scan, noise), (range_m, reflectance, keep))| {
             let [range_m, reflectance, keep] = [range_m, reflectance, keep].map(|image| channel(&image, 0));
-            numbers.draw(model, sensor, Generated { range_m, reflectance, keep, scan }, noise)
+            numbers.draw(model, sensor, Generated { range_m, reflectance, keep, scan }, &noise)
         },
     )?;
     let wired = OUTPUTS.iter().zip(&inputs).fold(Composition::new(), |c, (from, to)| c.wire(from, to));
@@ -138,7 +138,7 @@ impl Numbers {
         model: &SensorModel,
         sensor: &Sensor,
         generated: Generated,
-        noise: Tensor<4>,
+        noise: &Tensor<4>,
     ) -> (Tensor<4>, Tensor<4>, Tensor<4>) {
         let Generated { range_m, reflectance, keep, scan } = generated;
         let [batch, rings, columns] = range_m.dims();
@@ -158,7 +158,7 @@ impl Numbers {
             term.effect.forward(&Values::new(values), image)
         };
         let image = model.forward_with(image, &act, None);
-        let drawn = image.draw(std::array::from_fn(|i| channel(&noise, i)));
+        let drawn = image.draw(std::array::from_fn(|i| channel(noise, i)));
         let out = |x: Tensor<3>| x.expand([batch, rings, columns]).reshape([batch, 1, rings, columns]);
         (out(drawn.range_m), out(drawn.reflectance), out(drawn.keep))
     }
