@@ -11,6 +11,7 @@ use super::base::Base;
 use super::calibrate::Calibration;
 use super::data::Batch;
 use super::metrics::{Confirmation, METRICS};
+use super::model::{SensorModel, Term};
 use super::report::{Identity, Report, Unseen};
 use super::{export, folder};
 use crate::data::scans::hex;
@@ -33,7 +34,8 @@ pub struct Delivery {
 impl Delivery {
     /// Judges a calibration on its confirm frames, and exports its model.
     pub fn new(set: &PairedSet, base: &Base, calibration: Calibration, seed: u64) -> Result<Self> {
-        let Calibration { split, confirm, outcome } = calibration;
+        let Calibration { split, confirm, mut outcome } = calibration;
+        outcome.caveats.extend(not_served(&outcome.after));
         let frames = [split.discover.len(), split.tune.len(), split.confirm.len()];
         let identity = Identity {
             set: set.name.clone(),
@@ -67,6 +69,19 @@ impl Delivery {
             ],
         )
     }
+}
+
+/// What a served model cannot do that the model of a loop does: it does not know which scan of a recording it is given.
+fn not_served(model: &SensorModel) -> Option<String> {
+    let by_frame = model.effects().iter().filter(|term| term.effect.about().covariates.contains(&"frame"));
+    let names: Vec<&str> = by_frame.map(Term::name).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "{} depends on the number of the frame, which a served model is not told: it answers as for frame 0, so the errors quoted \
+             here are of the loop's model alone",
+            names.join(", ")
+        )
+    })
 }
 
 /// How new the confirm frames are.
