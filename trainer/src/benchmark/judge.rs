@@ -67,7 +67,7 @@ impl Judgement {
         let numbers = |defect: &Defect| {
             let name = defect.title();
             let named = answer.effects.iter().find(|effect| effect.name == name);
-            let found = named.map(|named| quantities(defect, named, &others)).unwrap_or_default();
+            let found = named.map(|named| quantities(defect, &row.noise, named, &others)).unwrap_or_default();
             found.into_iter().map(move |quantity| (name, quantity))
         };
         Self {

@@ -11,11 +11,12 @@
 //! | specular | w for both | w for returns and d for reflectance | each with w |
 //! | fog | α for both | α, and returns by κ·α | α, and κ with 1 |
 //! | blocked sector | its edges | the same, in whatever turn | modulo 360°, against the width |
+//! | random returns, precipitation, blooming | p, of which the base drop takes its share | p of what is reported | p·(1 − drop) |
 //! | blooming | threshold | the same | not: no two reflectances lie close enough to tell thresholds apart |
 //!
 //! Everything else has one name on both sides.
 
-use hidden::{Defect, Geometry, Range, Reflectance, Returns};
+use hidden::{Defect, Geometry, Noise, Range, Reflectance, Returns};
 
 use super::row::{Named, Numbers};
 
@@ -95,10 +96,10 @@ fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     (values.map(|x| x * x).sum::<f64>() / n).sqrt()
 }
 
-/// The quantities of a defect that was named; `others` are the names of all effects that were added. Those that the effect does not report
-/// are left out.
-pub(super) fn quantities(defect: &Defect, named: &Named, others: &[&str]) -> Vec<Quantity> {
-    let compare = Comparison { named, others };
+/// The quantities of a defect that was named, in a set with this noise; `others` are the names of all effects that were added. Those that
+/// the effect does not report are left out.
+pub(super) fn quantities(defect: &Defect, noise: &Noise, named: &Named, others: &[&str]) -> Vec<Quantity> {
+    let compare = Comparison { named, others, kept: 1.0 - noise.drop };
     let found = match defect {
         Defect::Geometry(defect) => compare.geometry(defect),
         Defect::Range(defect) => compare.range(defect),
@@ -114,6 +115,8 @@ type Quantities = Vec<Option<Quantity>>;
 struct Comparison<'a> {
     named: &'a Named,
     others: &'a [&'a str],
+    /// Share of the returns that the base drop leaves.
+    kept: f64,
 }
 
 impl Comparison<'_> {
@@ -196,9 +199,9 @@ impl Comparison<'_> {
             ],
             Returns::Specular { wetness } => vec![self.one("wetness", *wetness), self.one("darkening", *wetness)],
             Returns::Blooming { probability, length_deg, .. } => {
-                vec![self.one("probability", *probability), self.one("length_deg", *length_deg)]
+                vec![self.one("probability", *probability * self.kept), self.one("length_deg", *length_deg)]
             }
-            Returns::RandomReturns { probability } => vec![self.one("probability", *probability)],
+            Returns::RandomReturns { probability } => vec![self.one("probability", *probability * self.kept)],
             Returns::BlockedSector { from_deg, to_deg, drop, .. } => {
                 let width_deg = (to_deg - from_deg).rem_euclid(360.0);
                 let edge = |name, truth_deg: f64| {
@@ -213,7 +216,7 @@ impl Comparison<'_> {
                 vec![self.one("minimum_m", *minimum_m), self.one("maximum_m", *maximum_m)]
             }
             Returns::Precipitation { probability_per_m, reach_m } => {
-                vec![self.one("probability_per_m", *probability_per_m), self.one("reach_m", *reach_m)]
+                vec![self.one("probability_per_m", *probability_per_m * self.kept), self.one("reach_m", *reach_m)]
             }
             Returns::Fog { alpha_per_m } => {
                 vec![self.one("alpha_per_m", *alpha_per_m), self.one("drop_coupling", 1.0)]
@@ -281,7 +284,7 @@ mod tests {
     fn a_tenth_off_is_within_and_more_is_not() {
         let defect = Defect::from(Range::RangeScale { scale: -0.003 });
         for (found, within, covered) in [(-0.003_29, true, false), (-0.003_31, false, false), (-0.003_01, true, true)] {
-            let quantities = quantities(&defect, &named(&[("scale", &[found], &[1e-5])]), &[]);
+            let quantities = quantities(&defect, &Noise::default(), &named(&[("scale", &[found], &[1e-5])]), &[]);
             assert_eq!(quantities[0].is_within(), within, "{found}");
             assert_eq!(quantities[0].covered().collect::<Vec<_>>(), [covered], "{found}");
         }
@@ -291,8 +294,8 @@ mod tests {
     fn rings_are_judged_together_and_without_a_mean_that_another_effect_has() {
         let defect = Defect::from(Range::RangeOffsetPerRing { offset_m: vec![0.03, -0.05, 0.02] });
         let shifted = named(&[("offset_m", &[0.04, -0.04, 0.03], &[1e-3; 3])]);
-        assert!(!quantities(&defect, &shifted, &[])[0].is_within());
-        let beside = &quantities(&defect, &shifted, &["range_offset_per_ring", "range_offset"])[0];
+        assert!(!quantities(&defect, &Noise::default(), &shifted, &[])[0].is_within());
+        let beside = &quantities(&defect, &Noise::default(), &shifted, &["range_offset_per_ring", "range_offset"])[0];
         assert!(beside.is_within() && beside.error() < 1e-9);
         assert_eq!(beside.covered().count(), 0);
     }
@@ -312,7 +315,7 @@ mod tests {
             ("sin2_deg", &[0.0], &[0.001]),
             ("cos2_deg", &[0.0], &[0.001]),
         ]);
-        let quantities = quantities(&Defect::from(geometry), &found, &[]);
+        let quantities = quantities(&Defect::from(geometry), &Noise::default(), &found, &[]);
         assert_eq!(quantities.len(), 1);
         assert!(quantities[0].error() < 1e-6, "{quantities:?}");
     }
@@ -323,7 +326,7 @@ mod tests {
         let found =
             named(&[("from_deg", &[-189.0], &[0.5]), ("to_deg", &[-168.0], &[0.5]), ("drop", &[0.88], &[0.02])]);
         let within: Vec<bool> =
-            quantities(&Defect::from(sector), &found, &[]).iter().map(Quantity::is_within).collect();
+            quantities(&Defect::from(sector), &Noise::default(), &found, &[]).iter().map(Quantity::is_within).collect();
         assert_eq!(within, [true, true, true]);
     }
 
@@ -332,7 +335,7 @@ mod tests {
         let defect = Defect::from(Range::RangeWalk { amplitude_m: 0.02 });
         let error = |power: f64| {
             let found = named(&[("amplitude_m", &[0.02], &[1e-3]), ("exponent", &[power], &[0.1])]);
-            quantities(&defect, &found, &[])[0].error()
+            quantities(&defect, &Noise::default(), &found, &[])[0].error()
         };
         assert!(
             error(0.0) < 1e-9 && error(0.05) < 1.0 && error(1.0) > 1.0,
