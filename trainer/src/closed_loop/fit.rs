@@ -10,10 +10,13 @@ use super::data::Batch;
 use super::likelihood;
 use super::model::{SensorModel, Term};
 use super::newton::{Groups, Minimum, Objective};
-use crate::effects::{ActsOn, Image, Kind};
+use crate::effects::{ActsOn, Extent, Image, Kind};
 
 /// Nats that a step has to promise to be worth taking.
 const TOLERANCE: f64 = 0.02;
+
+/// Most steps of an exact fit.
+const MOST_STEPS: usize = 40;
 
 /// A term, and which of its numbers are free.
 #[derive(Clone, Debug)]
@@ -87,6 +90,12 @@ impl Free {
         Self { term, parameters }
     }
 
+    /// Lengths of its parameters, and what each is over.
+    fn groups(&self) -> Vec<(usize, Extent)> {
+        let layout = self.term.layout();
+        self.parameters.iter().map(|i| (layout[*i].1.len(), layout[*i].0.extent)).collect()
+    }
+
     /// The kind of each of its numbers.
     fn kinds(&self) -> Vec<Kind> {
         let layout = self.term.layout();
@@ -119,7 +128,7 @@ pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
 /// last fit is exact.
 pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch], widths: &[f64]) -> Fitted {
     let problem = Problem::new(model, free, acts_on, batches);
-    let groups = Groups::new(free.iter().flat_map(Free::ranges).map(|r| r.len()));
+    let groups = Groups::new(free.iter().flat_map(Free::groups));
     let mut x: Vec<f64> =
         free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect();
     for soften in widths.iter().copied() {
@@ -129,7 +138,7 @@ pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batc
         x.iter_mut().zip(found).zip(is_mean).filter(|(_, mean)| *mean).for_each(|((x, found), _)| *x = found);
     }
     let exact = Softened { problem: &problem, soften: 0.0 };
-    let minimum = groups.minimise(&exact, &x, 12, TOLERANCE);
+    let minimum = groups.minimise(&exact, &x, MOST_STEPS, TOLERANCE);
     let gradients = problem.gradients_by_scene(&minimum.x);
     let terms = problem.terms(&minimum.x);
     Fitted { terms, log_likelihood: -minimum.value, minimum, gradients, free: free.to_vec() }

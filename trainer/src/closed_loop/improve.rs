@@ -31,6 +31,9 @@ const MOST_TABLES: usize = 3;
 /// Share of a table's gain that an effect has to reach to hold its own.
 const HOLDS_ITS_OWN: f64 = 0.8;
 
+/// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
+const FORM: f64 = 0.05;
+
 /// Seed of the screening's bootstrap.
 const SEED: u64 = 1;
 
@@ -156,7 +159,7 @@ impl Search<'_> {
             let screening = screen(&self.model, &self.all, SEED);
             let best = channels(ActsOn::ALL)
                 .filter_map(|channel| best_table(&self.model, &halves, &screening, channel))
-                .filter(|t| passes(&t.trial, t.q_value, halves.rays))
+                .filter(|t| passes(&t.trial, t.q_value, halves.rays) && !self.is_form_of_found(t))
                 .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
             let Some(table) = best else { return };
             let decision = format!("add {}: no effect of the library explains it", table.trial.name());
@@ -165,6 +168,15 @@ impl Search<'_> {
             self.rounds.push(Round { candidates: vec![judged.candidate()], decision });
             self.add(table);
         }
+    }
+
+    /// Whether a table is no more than a named effect's own law written a little differently: the same covariates, next to no gain.
+    fn is_form_of_found(&self, table: &Table) -> bool {
+        self.found.iter().any(|found| {
+            let covariates = found.term.effect.about().covariates;
+            table.covariates.iter().all(|c| covariates.contains(&c.name()))
+                && table.trial.gain.value < FORM * found.gain.value
+        })
     }
 
     fn add(&mut self, table: Table) {

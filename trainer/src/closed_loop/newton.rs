@@ -5,6 +5,8 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use crate::effects::Extent;
+
 /// Longest and shortest step of the differences, in units in which parameters have a size of about 1. Shorter ones drown in rounding.
 const STEPS: (f64, f64) = (0.02, 1e-4);
 
@@ -34,23 +36,28 @@ pub struct Minimum {
     pub hessian: DMatrix<f64>,
 }
 
-/// Numbers of `x` that a group holds, and to what a Hessian entry between two numbers may be other than 0.
+/// The groups that the numbers of `x` fall into, one after the other.
 #[derive(Clone, Debug)]
-pub struct Groups(Vec<std::ops::Range<usize>>);
+pub struct Groups(Vec<Group>);
+
+/// Numbers that do not interact with one another.
+#[derive(Clone, Debug)]
+struct Group {
+    numbers: std::ops::Range<usize>,
+    /// What the numbers are counted by. Of two groups over the same, each number interacts with its like alone; over different things
+    /// (rings and knots), the interaction of two groups is not looked at, which costs a search steps and no exactness at its end.
+    over: Extent,
+}
 
 impl Groups {
-    /// Groups of these lengths, one after the other.
-    pub fn new(lengths: impl IntoIterator<Item = usize>) -> Self {
+    /// Groups of these lengths, and what each is over.
+    pub fn new(groups: impl IntoIterator<Item = (usize, Extent)>) -> Self {
         let mut from = 0;
-        Self(
-            lengths
-                .into_iter()
-                .map(|n| {
-                    from += n;
-                    from - n..from
-                })
-                .collect(),
-        )
+        let group = |(n, over)| {
+            from += n;
+            Group { numbers: from - n..from, over }
+        };
+        Self(groups.into_iter().map(group).collect())
     }
 
     /// The Hessian at `x`, where the gradient is `gradient`, by differences over `steps`, which are then fitted to it.
@@ -74,30 +81,26 @@ impl Groups {
             .iter()
             .map(|group| {
                 let mut moved = x.to_vec();
-                group.clone().for_each(|i| moved[i] += steps[i]);
+                group.numbers.clone().for_each(|i| moved[i] += steps[i]);
                 let (_, there) = objective.evaluate(&moved);
                 there.iter().zip(gradient).map(|(there, here)| there - here).collect()
             })
             .collect();
         for (a, d) in self.0.iter().zip(&differences) {
             for b in &self.0 {
-                if a.len() == 1 {
-                    for j in b.clone() {
-                        hessian[(a.start, j)] = d[j] / steps[a.start];
+                let (i, j) = (&a.numbers, &b.numbers);
+                match (a.over, b.over) {
+                    (Extent::One, _) => j.clone().for_each(|j| {
+                        let entry = d[j] / steps[i.start];
+                        (hessian[(i.start, j)], hessian[(j, i.start)]) = (entry, entry);
+                    }),
+                    // Its column is found when the single number moves.
+                    (_, Extent::One) => {}
+                    (Extent::PerRing, Extent::PerRing) => {
+                        i.clone().zip(j.clone()).for_each(|(i, j)| hessian[(j, i)] = d[j] / steps[i]);
                     }
-                } else if b.len() == 1 {
-                    // Its column was found when the single number moved.
-                } else {
-                    for (i, j) in a.clone().zip(b.clone()) {
-                        hessian[(j, i)] = d[j] / steps[i];
-                    }
-                }
-            }
-        }
-        for (a, d) in self.0.iter().zip(&differences) {
-            for b in self.0.iter().filter(|b| b.len() > 1 && a.len() == 1) {
-                for j in b.clone() {
-                    hessian[(j, a.start)] = d[j] / steps[a.start];
+                    _ if i == j => i.clone().for_each(|i| hessian[(i, i)] = d[i] / steps[i]),
+                    _ => {}
                 }
             }
         }
