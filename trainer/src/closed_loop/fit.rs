@@ -187,14 +187,14 @@ impl<'a> Problem<'a> {
         let held: Vec<&Term> = model.terms.iter().filter(|t| !is_free(t)).collect();
         let (moving, other): (Vec<&Term>, Vec<&Term>) = held.into_iter().partition(|t| t.is_geometric());
         let moves = free.iter().any(|f| f.term.is_geometric());
-        let prepare = |batch: &&'a Batch| {
+        let prepare = |batch: &'a Batch| {
             let image = moving.iter().fold(batch.image.clone(), |image, term| term.forward(image));
             let image =
                 if moves { image } else { other.iter().fold(image.resample(), |image, term| term.forward(image)) };
-            Prepared { batch: *batch, image }
+            Prepared { batch, image }
         };
         Self {
-            batches: batches.par_iter().map(prepare).collect(),
+            batches: batches.par_iter().copied().map(prepare).collect(),
             held_last: if moves { other } else { vec![] },
             free,
             acts_on,

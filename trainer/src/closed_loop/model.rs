@@ -38,6 +38,7 @@ impl Term {
     ///
     /// # Panics
     /// If there are not as many as the effect has.
+    #[must_use]
     pub fn at(mut self, physical: &[f64]) -> Self {
         assert_eq!(physical.len(), self.fitted.len(), "numbers of effect {}", self.name());
         for (parameter, range) in self.layout() {

@@ -15,6 +15,7 @@ pub struct Extra {
 
 /// Distribution of an extra return's range.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a handful exist at a time, each beside tensors of megabytes")]
 pub enum Place {
     /// Uniform between two ranges, in m.
     Uniform {
