@@ -283,6 +283,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::large_stack_arrays, reason = "a handful of images, once")]
     fn range_densities_integrate_to_one() {
         for image in [
             image(),
@@ -298,6 +299,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::large_stack_arrays, reason = "a handful of images, once")]
     fn reflectances_have_probability_one_with_what_heaps_up_at_the_ends() {
         let held = |maximum: f64, scatter: f64| {
             let mut image = image();

@@ -1,7 +1,5 @@
 //! Checks that each effect does the same in an exported file as in a fit.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
 use std::sync::Arc;
 
 use burn::module::Module;

@@ -1,7 +1,5 @@
 //! What the effects' tests share: streets seen by a small sensor that has an effect, and a fit that has to find it again.
 
-#![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
-
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};

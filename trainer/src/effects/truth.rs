@@ -72,8 +72,8 @@ fn errors(moved: &Moved) -> Vec<Error> {
         let shifted = [0, 1, 2].map(|i| pose.position_m[i] + moved.pose.position_m[i]);
         let truth = cast(&street, &bent, &Pose { position_m: shifted, ..moved.pose }, &moved.motion);
         let seen = numbers(&term.forward(image(&simulated, &nominal)).resample().report.range_m);
-        for pixel in 0..nominal.pixels() {
-            let [before, after] = [f64::from(simulated.image.range_m()[pixel]), seen[pixel]];
+        for (pixel, after) in seen.into_iter().enumerate() {
+            let before = f64::from(simulated.image.range_m()[pixel]);
             let true_m = f64::from(truth.image.range_m()[pixel]);
             if true_m > 0.0 && before > 0.0 && after > 0.0 {
                 let on_surface = on_surface(&simulated, &truth, pixel, &bent, moved);
