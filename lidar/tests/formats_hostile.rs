@@ -59,7 +59,8 @@ fn corpus() -> Outcome {
     let mut report = Report::default();
     // An honest file of as many points as are accepted: the bound holds for it, and the measure sees what it takes.
     report.decode(format, &encode(format, &cloud(limits().max_points))?);
-    assert!(report.most_memory > 256 << 10, "{} bytes", report.most_memory);
+    // The kernel counts pages in batches, so a peak may be some hundred KiB short of the truth.
+    assert!(report.most_memory > 128 << 10, "{} bytes", report.most_memory);
     let honest = std::mem::take(&mut report).most_memory / 1024;
     for seed in seeds(format)? {
         assert!(decode(format, &seed, &limits()).is_ok(), "a seed of {format:?} is no file");
