@@ -152,8 +152,6 @@ fn counted(names: &[&str]) -> String {
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
-
     use super::*;
     use crate::closed_loop::outcome::Interval;
 

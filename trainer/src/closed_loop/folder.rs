@@ -55,8 +55,6 @@ pub fn replace(folder: &Path, files: &[(&str, &[u8])]) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
-
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {
