@@ -90,6 +90,8 @@ impl Groups {
             for b in &self.0 {
                 let (i, j) = (&a.numbers, &b.numbers);
                 match (a.over, b.over) {
+                    // Two single numbers: each moves once, and the two differences are averaged below.
+                    (Extent::One, Extent::One) => hessian[(i.start, j.start)] = d[j.start] / steps[i.start],
                     (Extent::One, _) => j.clone().for_each(|j| {
                         let entry = d[j] / steps[i.start];
                         (hessian[(i.start, j)], hessian[(j, i.start)]) = (entry, entry);
