@@ -10,6 +10,8 @@ pub mod draw;
 pub mod evidence;
 #[cfg(test)]
 mod exported;
+#[cfg(test)]
+mod extremes;
 pub mod extra;
 pub mod image;
 mod incidence;

@@ -31,15 +31,20 @@ pub(crate) struct Trial {
 impl Trial {
     /// Draws scans of a sensor whose effect has these physical values, by the effect's own forward pass, and fits.
     pub(crate) fn of(effect: Arc<dyn Effect>, truth: &[f64]) -> Self {
-        let sensor = sensor();
-        let term = Term::new(effect, sensor.rings().len());
-        let mut model = SensorModel::ideal(sensor.rings().len());
+        let rings = sensor().rings().len();
+        let mut model = SensorModel::ideal(rings);
         model.terms[0] = model.terms[0].clone().at(&[0.02, 0.02, 0.05, 1e-4, 1e-4]);
-        model.terms.push(term.clone().at(truth));
-        let data = measured_by(&model, &sensor);
+        model.terms.push(Term::new(Arc::clone(&effect), rings).at(truth));
+        Self { truth: truth.to_vec(), ..Self::on(effect, &measured_by(&model, &sensor())) }
+    }
+
+    /// Fits an effect to these data, whose truth is not told.
+    pub(crate) fn on(effect: Arc<dyn Effect>, data: &[Batch]) -> Self {
         let refs: Vec<&Batch> = data.iter().collect();
+        let rings = sensor().rings().len();
+        let term = Term::new(effect, rings);
         let acts_on = term.effect.about().acts_on;
-        let ideal = SensorModel::ideal(sensor.rings().len());
+        let ideal = SensorModel::ideal(rings);
         let ideal = ideal.clone().with_noise_of(&evidence(&ideal, &refs));
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);
         let level = SensorModel { terms: fit(&ideal, &[noise], acts_on, &refs, &[]).terms };
@@ -54,7 +59,7 @@ impl Trial {
         let fits = starts.into_iter().map(from);
         let fitted: Fitted = fits.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood)).expect("a start");
         let stderr = fitted.terms[1].physical_stderr(&fitted.stderr()[1]);
-        Self { truth: truth.to_vec(), found: fitted.terms[1].physical(), stderr }
+        Self { truth: vec![], found: fitted.terms[1].physical(), stderr }
     }
 
     /// Asserts that every number was found within five standard errors, and that these are no larger than `largest`.
