@@ -20,7 +20,7 @@ impl Effect for Fog {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        vec![Parameter::free("alpha_per_m", 0.003, (0.0, 0.2)), Parameter::positive("drop_coupling", 1.0, (0.0, 10.0))]
+        vec![Parameter::free("alpha_per_m", 0.003, (0.0, 0.2)), Parameter::positive("drop_coupling", 1.0, (0.03, 10.0))]
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {

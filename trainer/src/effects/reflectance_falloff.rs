@@ -2,8 +2,8 @@
 
 use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
 
-/// I·η(r)·e^{−2βr} with the overlap η(r) = 1 − e^{−(r/r₀)²} of the laser's beam and the receiver's view. The 1/r² of the laser equation is in
-/// reflectance as sensors report it already.
+/// I·η(r)·e^{−2βr} with the overlap η(r) = 1 − e^{−(r/r₀)ⁿ} of the laser's beam and the receiver's view, n = 2 for a Gaussian beam. The 1/r² of
+/// the laser equation is in reflectance as sensors report it already.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ReflectanceFalloff;
 
@@ -15,19 +15,24 @@ impl Effect for ReflectanceFalloff {
             channel: Channel::Reflectance,
             acts_on: ActsOn::REFLECTANCE,
             covariates: &["range"],
-            formula: "I·(1 − e^{−(r/r₀)²})·e^{−2βr}",
+            formula: "I·(1 − e^{−(r/r₀)ⁿ})·e^{−2βr}",
             source: "Höfle and Pfeifer, Correction of Laser Scanning Intensity Data (ISPRS Journal, 2007); overlap: Fang et al., Intensity Correction of Terrestrial Laser Scanning Data (IEEE TGRS, 2015)",
         }
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        vec![Parameter::free("beta_per_m", 0.002, (-0.05, 0.2)), Parameter::positive("overlap_m", 1.0, (1e-2, 50.0))]
+        vec![
+            Parameter::free("beta_per_m", 0.002, (-0.05, 0.2)),
+            Parameter::positive("overlap_m", 1.0, (1e-2, 50.0)),
+            Parameter::positive("overlap_exponent", 2.0, (0.3, 10.0)),
+        ]
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
         let range_m = image.surface.range_m.clone();
         let faded = (range_m.clone() * values.one(0) * -2.0).clamp(-20.0, 20.0).exp();
-        let overlap = ((range_m / values.one(1)).square().clamp_max(40.0) * -1.0).exp() * -1.0 + 1.0;
+        let part = ((range_m.clamp_min(1e-2) / values.one(1)).log() * values.one(2)).clamp(-20.0, 3.7).exp();
+        let overlap = (part * -1.0).exp() * -1.0 + 1.0;
         image.report.reflectance = image.report.reflectance * faded * overlap;
         image
     }
@@ -35,20 +40,20 @@ impl Effect for ReflectanceFalloff {
     /// The overlap is flat where it is far below the nearest range: guess it from the median ratio in bins of range.
     fn starts(&self, evidence: &Evidence) -> Vec<Vec<f64>> {
         let bins = ratios(evidence);
-        let fit = |overlap_m: f64| {
+        let fit = |(overlap_m, exponent): (f64, f64)| {
             // Least squares of ln(ratio / η) = −2βr, every bin weighing the root of its pixels.
-            let rest = |b: &Bin| b.ratio.ln() - (1.0 - (-(b.range_m / overlap_m).powi(2)).exp()).ln();
+            let rest = |b: &Bin| b.ratio.ln() - (1.0 - (-(b.range_m / overlap_m).powf(exponent)).exp()).ln();
             let (rr, rq) = bins.iter().fold((0.0, 0.0), |(rr, rq), b| {
                 (rr + b.weight * b.range_m.powi(2), rq + b.weight * b.range_m * rest(b))
             });
             let beta_per_m = -0.5 * rq / rr;
             let error: f64 = bins.iter().map(|b| b.weight * (rest(b) + 2.0 * beta_per_m * b.range_m).powi(2)).sum();
-            (error, vec![beta_per_m, overlap_m])
+            (error, vec![beta_per_m, overlap_m, exponent])
         };
         if bins.len() < 3 {
             return vec![];
         }
-        let overlaps = (0..12).map(|i| 0.6 * 1.4_f64.powi(i));
+        let overlaps = (0..12).flat_map(|i| [2.0, 1.0].map(|exponent| (0.6 * 1.4_f64.powi(i), exponent)));
         overlaps.map(fit).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start).into_iter().collect()
     }
 }
@@ -91,14 +96,14 @@ mod tests {
 
     #[test]
     fn a_fit_finds_fading_and_overlap() {
-        for truth in [[0.004, 5.0], [0.015, 3.5], [0.0, 8.0]] {
-            Trial::of(Arc::new(ReflectanceFalloff), &truth).found_within(0.1);
+        for truth in [[0.004, 5.0, 2.0], [0.015, 3.5, 1.0], [0.0, 8.0, 2.0]] {
+            Trial::of(Arc::new(ReflectanceFalloff), &truth).each_within(&[5e-4, 0.5, 0.2]);
         }
     }
 
     #[test]
     fn fading_is_found_where_there_is_no_overlap() {
-        let trial = Trial::of(Arc::new(ReflectanceFalloff), &[0.005, 0.2]);
+        let trial = Trial::of(Arc::new(ReflectanceFalloff), &[0.005, 0.2, 2.0]);
         assert!((trial.found[0] - 0.005).abs() < 3e-4, "{:?}", trial.found);
         assert!(trial.found[1] < 2.5, "{:?}", trial.found);
     }
