@@ -1,8 +1,10 @@
 //! Surfaces that send less light back the more they are seen from the side.
 
+use super::incidence::log_cosine;
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
-/// I·cosᵖ α: p = 1 is Lambert's law, p = 0 a sensor that undoes it.
+/// I·cosᵖ α: p = 1 is Lambert's law, p = 0 a sensor that undoes it. Of a surface whose angle the image does not show, cos² α is uniform: the
+/// mean of cosᵖ α is then 2/(p + 2), and that of its square 1/(p + 1).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IncidenceFalloff;
 
@@ -20,12 +22,20 @@ impl Effect for IncidenceFalloff {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        vec![Parameter::free("exponent", 0.3, (-2.0, 5.0))]
+        vec![Parameter::free("exponent", 0.3, (-0.5, 5.0))]
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let log = image.surface.cos_incidence.clone().log() * values.one(0);
-        image.report.reflectance = image.report.reflectance * log.clamp(-20.0, 20.0).exp();
+        let (log_cosine, variance) = log_cosine(&image);
+        let unknown = variance.greater_elem(0.0);
+        let exponent = values.one(0).clamp(-0.8, 8.0);
+        let mean = (exponent.clone() + 2.0).recip() * 2.0;
+        let spread = ((exponent.clone() + 1.0).recip() - mean.clone().square()).clamp_min(1e-8).sqrt();
+        let like = log_cosine.zeros_like();
+        let factor = (log_cosine * exponent).exp().mask_where(unknown.clone(), like.clone() + mean);
+        let doubt = image.report.reflectance.clone() * like.clone().mask_where(unknown, like + spread);
+        image.report.reflectance = image.report.reflectance * factor;
+        image.report.reflectance_sigma = (image.report.reflectance_sigma.square() + doubt.square()).sqrt();
         image
     }
 }

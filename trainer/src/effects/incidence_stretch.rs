@@ -1,5 +1,6 @@
 //! Footprints that stretch on slanted surfaces, and ranges that stretch with them.
 
+use super::incidence::log_cosine;
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
 /// Range at which the bias of a metre per tangent is quoted, whatever it does with range.
@@ -33,7 +34,9 @@ impl Effect for IncidenceStretch {
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let cosine = image.surface.cos_incidence.clone();
+        // Where nothing shows the angle, nothing is stretched.
+        let (log_cosine, variance) = log_cosine(&image);
+        let cosine = log_cosine.mask_fill(variance.greater_elem(0.0), 0.0).exp();
         let tan = (cosine.clone().square() * -1.0 + 1.0).clamp_min(1e-6).sqrt() / cosine;
         // A minimum without a corner.
         let over = (tan.clone() / values.one(3)).clamp(1e-3, 1e3);
