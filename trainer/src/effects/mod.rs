@@ -13,6 +13,8 @@ mod exported;
 #[cfg(test)]
 mod extremes;
 pub mod extra;
+#[cfg(test)]
+mod forms;
 pub mod image;
 mod incidence;
 mod neighbours;

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 
-use super::{Effect, draw::NOISE_CHANNELS};
+use super::{Effect, Image, draw::NOISE_CHANNELS};
 use crate::closed_loop::data::{Batch, Pair, batches};
 use crate::closed_loop::fit::{Fitted, Free, fit};
 use crate::closed_loop::improve::evidence;
@@ -84,28 +84,45 @@ pub(crate) fn sensor() -> Sensor {
     Sensor::from_elevations_deg("trial", elevations, 256, (1.0, 100.0), 10.0).expect("a sensor")
 }
 
-/// What a sensor of this model measures on the trial's streets.
+/// What a sensor of this model measures on the trial's streets, to which every surface is what the image shows of it.
 pub(crate) fn measured_by(model: &SensorModel, sensor: &Sensor) -> Vec<Batch> {
+    measured(model, sensor, |image, _| image)
+}
+
+/// The same of a sensor that meets surfaces at their true angles.
+pub(crate) fn measured_at_true_angles(model: &SensorModel, sensor: &Sensor) -> Vec<Batch> {
+    measured(model, sensor, |mut image, cosine| {
+        image.surface.known = image.surface.hit.clone();
+        image.surface.cos_incidence = cosine;
+        image
+    })
+}
+
+/// `seen` makes of an image, and of the true cosines of incidence, the image that the sensor's effects act on.
+fn measured(model: &SensorModel, sensor: &Sensor, seen: impl Fn(Image, Tensor<3>) -> Image) -> Vec<Batch> {
     let device = Device::flex().autodiff();
     let mut dice = ChaCha8Rng::seed_from_u64(7);
-    let mut pairs: Vec<Pair> = (0..STREETS)
+    let (mut pairs, cosines): (Vec<Pair>, Vec<Vec<f32>>) = (0..STREETS)
         .map(|seed| {
             let street = street(seed, &StreetConfig::default());
             let pose = Pose::above_ground(&street, 0.0, 0.0, 0.2).expect("ground");
-            let simulated = cast(&street, sensor, &pose, &Motion::default()).image;
+            let cast = cast(&street, sensor, &pose, &Motion::default());
             let measured = RangeImage::empty(sensor.rings().len(), sensor.columns());
-            Pair { frame: seed as usize, scene: seed as usize, simulated, keep: None, measured }
+            let frame = seed as usize;
+            let pair = Pair { frame, scene: frame, simulated: cast.image, keep: None, measured };
+            (pair, cast.incidence_rad.iter().map(|a| a.cos().max(0.01)).collect::<Vec<f32>>())
         })
-        .collect();
+        .unzip();
     let ideal = batches(&pairs.iter().collect::<Vec<_>>(), sensor, &device);
-    for (pair, batch) in pairs.iter_mut().zip(ideal) {
+    for ((pair, batch), cosine) in pairs.iter_mut().zip(ideal).zip(cosines) {
         let like = batch.image.surface.range_m.clone();
         let mut uniform = || {
             let numbers: Vec<f32> = (0..like.shape().num_elements()).map(|_| dice.random()).collect();
             Tensor::<3>::from_data(TensorData::new(numbers, like.shape()), &device)
         };
         let noise: [Tensor<3>; NOISE_CHANNELS] = std::array::from_fn(|_| uniform());
-        let drawn = model.forward(batch.image).draw(noise);
+        let cosine = Tensor::from_data(TensorData::new(cosine, like.shape()), &device);
+        let drawn = model.forward(seen(batch.image, cosine)).draw(noise);
         let reported = uniform().lower(drawn.keep).float();
         let numbers = |x: Tensor<3>| -> Vec<f32> { TensorData::iter::<f32>(&x.into_data()).collect() };
         let range_m = numbers(drawn.range_m * reported);
