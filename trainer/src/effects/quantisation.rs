@@ -35,7 +35,8 @@ impl Effect for Quantisation {
         vec![
             // Beside a step of a millimetre with teeth as wide, any noise looks smooth: that does nothing.
             Parameter::found("step_m", 1e-3, 1e-6, (STEPS_M.0, STEPS_M.1)),
-            Parameter::positive("tooth_m", 1e-3, (1e-6, 0.1)),
+            // Teeth may be as sharp as numbers are.
+            Parameter::positive("tooth_m", 1e-3, (0.0, 0.1)),
         ]
     }
 

@@ -27,7 +27,8 @@ impl Effect for Saturation {
     fn parameters(&self) -> Vec<Parameter> {
         vec![
             Parameter { scale: 0.005, ..Parameter::free("maximum", 0.005, (0.05, 1.0)).from(1.0) },
-            Parameter::positive("scatter", 0.005, (FINEST, 0.3)),
+            // A digital end has no scatter at all.
+            Parameter::positive("scatter", 0.005, (0.0, 0.3)),
         ]
     }
 
