@@ -308,7 +308,8 @@ mod tests {
             image.ceiling = Some(Ceiling { maximum: one(maximum), scatter: one(scatter) });
             image
         };
-        for image in vec![image(), mixed(image()), held(0.6, 0.003), held(0.6, 0.06), held(0.95, 0.05), held(1.0, 0.02)] {
+        for image in vec![image(), mixed(image()), held(0.6, 0.003), held(0.6, 0.06), held(0.95, 0.05), held(1.0, 0.02)]
+        {
             let n = 10_000;
             let mut grid: Vec<f32> = (0..n).map(|j| (j as f32 + 0.5) / n as f32).collect();
             grid.extend([0.0, 1.0]);

@@ -10,9 +10,9 @@ pub mod draw;
 pub mod evidence;
 #[cfg(test)]
 mod exported;
+pub mod extra;
 #[cfg(test)]
 mod extremes;
-pub mod extra;
 #[cfg(test)]
 mod forms;
 pub mod image;
