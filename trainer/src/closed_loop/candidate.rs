@@ -3,19 +3,25 @@
 use std::sync::Arc;
 
 use super::data::Batch;
-use super::fit::{Fitted, Free, Score, fit, score};
+use super::fit::{Fitted, Free, On, Rays, Score, TRIAL, fit, score};
 use super::model::{SensorModel, Term};
 use super::outcome::Interval;
 use super::significance::{Block, interval, p_value};
 use crate::effects::{ActsOn, Effect, Evidence};
+
+/// Least gain on the half that an effect is fitted to, beside what its numbers gain by chance: an effect with less is never claimed,
+/// for there has to be more than twice this on both halves held out.
+const LEAST_NATS_ON_A_HALF: f64 = 3.0;
 
 /// The scenes that effects are found and chosen on, in two halves that exchange their parts, and what the current model makes of them.
 #[derive(Debug)]
 pub struct Halves<'a> {
     /// The batches of each half.
     pub batches: [Vec<&'a Batch>; 2],
-    /// Log-likelihoods of each half's blocks under the current model.
-    pub scores: [Vec<Score>; 2],
+    /// Log-likelihoods of each half's blocks under the current model, of all rays, with noise that was fitted to all of them.
+    all: [Vec<Score>; 2],
+    /// The same of settled rays.
+    settled: [Vec<Score>; 2],
     /// Rays of both halves.
     pub rays: f64,
 }
@@ -38,9 +44,31 @@ pub struct Trial {
 impl<'a> Halves<'a> {
     /// Scores a model on both halves.
     pub fn new(model: &SensorModel, batches: [Vec<&'a Batch>; 2]) -> Self {
-        let scores = [score(model, &batches[0]), score(model, &batches[1])];
+        let settled = [0, 1].map(|half| score(model, &batches[half], Rays::Settled));
+        let all = if model.moves_rays() {
+            // The model's noise is that of settled rays: an effect must not win for widening it.
+            let noise = [Free::all(model.terms[0].clone())];
+            let with_noise_of = |half: &Vec<&Batch>| {
+                let on = On { batches: half, channels: ActsOn::ALL, rays: Rays::All };
+                model.with(&fit(model, &noise, &on, &[], TRIAL).terms)
+            };
+            [
+                score(&with_noise_of(&batches[1]), &batches[0], Rays::All),
+                score(&with_noise_of(&batches[0]), &batches[1], Rays::All),
+            ]
+        } else {
+            settled.clone()
+        };
         let rays = batches.iter().flatten().map(|b| b.observed.range_m.shape().num_elements() as f64).sum();
-        Self { batches, scores, rays }
+        Self { batches, all, settled, rays }
+    }
+
+    /// Log-likelihoods of each half's blocks under the current model.
+    fn scores(&self, rays: Rays) -> &[Vec<Score>; 2] {
+        match rays {
+            Rays::All => &self.all,
+            Rays::Settled => &self.settled,
+        }
     }
 
     /// Every batch.
@@ -59,13 +87,15 @@ impl Trial {
             if guesses.is_empty() { vec![term.clone()] } else { guesses.iter().map(|s| term.clone().at(s)).collect() };
         let noise = Free::noise(model.terms[0].clone(), acts_on);
         let [first, second] = &halves.batches;
+        let rays = Rays::of(&term);
+        let on = |batches| On { batches, channels: acts_on, rays };
         let attempt = |start: &Term, widths: &[f64]| {
-            fit(model, &[noise.clone(), Free::all(start.clone())], acts_on, first, widths)
+            fit(model, &[noise.clone(), Free::all(start.clone())], &on(first), widths, TRIAL)
         };
         // A guess is near enough: wide normals would lead away from a needle.
         let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
         let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
-        let nothing: f64 = halves.scores[0].iter().map(|s| s.of(acts_on)).sum();
+        let nothing: f64 = halves.scores(rays)[0].iter().map(|s| s.of(acts_on)).sum();
         if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
             // The way through widened normals led astray.
             tries.extend(starts.iter().map(|start| attempt(start, &[])));
@@ -74,24 +104,62 @@ impl Trial {
             .into_iter()
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
             .unwrap_or_else(|| unreachable!("at least one start"));
+        if best.log_likelihood - nothing < LEAST_NATS_ON_A_HALF + 0.25 * term.fitted.len() as f64 {
+            return Self::hopeless(best.terms[1].clone(), halves);
+        }
         let free = [Free::noise(best.terms[0].clone(), acts_on), Free::all(best.terms[1].clone())];
-        let other = fit(model, &free, acts_on, second, &[]);
-
-        let after = [score(&model.with(&other.terms), first), score(&model.with(&best.terms), second)];
-        Self::from_scores(best.terms[1].clone(), acts_on, halves, &after)
+        let other = fit(model, &free, &on(second), &[], TRIAL);
+        Self::exchanged(best.terms[1].clone(), acts_on, model, [&best, &other], halves)
     }
 
-    fn from_scores(term: Term, acts_on: ActsOn, halves: &Halves<'_>, after: &[Vec<Score>; 2]) -> Self {
+    /// Several effects that a model lacks, fitted together from where they are; named and sized by the first.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn of_all(model: &SensorModel, terms: &[Term], halves: &Halves<'_>) -> Self {
+        let acts_on = terms.iter().map(|t| t.effect.about().acts_on).reduce(ActsOn::or).expect("an effect");
+        let mut free = vec![Free::noise(model.terms[0].clone(), acts_on)];
+        free.extend(terms.iter().cloned().map(Free::all));
+        let fitted = |half: &Vec<&Batch>| {
+            let on = On { batches: half, channels: acts_on, rays: Rays::of(&terms[0]) };
+            fit(model, &free, &on, &[], TRIAL)
+        };
+        let [first, second] = halves.batches.each_ref().map(fitted);
+        Self::exchanged(terms[0].clone(), acts_on, model, [&first, &second], halves)
+    }
+
+    /// What each half's fit is worth on the other.
+    fn exchanged(
+        term: Term,
+        acts_on: ActsOn,
+        model: &SensorModel,
+        [on_first, on_second]: [&Fitted; 2],
+        halves: &Halves<'_>,
+    ) -> Self {
+        let [first, second] = &halves.batches;
+        let rays = Rays::of(&term);
+        let after =
+            [score(&model.with(&on_second.terms), first, rays), score(&model.with(&on_first.terms), second, rays)];
+        Self::from_scores(term, acts_on, halves.scores(rays), halves.rays, &after)
+    }
+
+    /// An effect that is not worth a look at the other half.
+    fn hopeless(term: Term, halves: &Halves<'_>) -> Self {
+        let blocks = halves.all.iter().flatten().map(|score| Block { scene: score.scene, sum: 0.0 }).collect();
+        Self { term, gain: Interval::default(), parts: [0.0; 3], p_value: 1.0, blocks }
+    }
+
+    fn from_scores(term: Term, acts_on: ActsOn, before: &[Vec<Score>; 2], rays: f64, after: &[Vec<Score>; 2]) -> Self {
         let mut parts = [0.0; 3];
         let mut blocks = Vec::new();
-        for (before, after) in halves.scores.iter().flatten().zip(after.iter().flatten()) {
+        for (before, after) in before.iter().flatten().zip(after.iter().flatten()) {
             blocks.push(Block { scene: before.scene, sum: after.of(acts_on) - before.of(acts_on) });
-            let of = |on: bool, gain: f64| if on { gain / halves.rays } else { 0.0 };
+            let of = |on: bool, gain: f64| if on { gain / rays } else { 0.0 };
             parts[0] += of(acts_on.range, after.range - before.range);
             parts[1] += of(acts_on.reflectance, after.reflectance - before.reflectance);
             parts[2] += of(acts_on.returns, after.returns - before.returns);
         }
-        let gain = interval(&blocks, halves.rays, 1);
+        let gain = interval(&blocks, rays, 1);
         Self { term, gain, parts, p_value: p_value(&blocks), blocks }
     }
 
@@ -140,8 +208,7 @@ fn widths(evidence: &Evidence, acts_on: ActsOn) -> Vec<f64> {
         || (0..evidence.range_m.len()).filter(|i| evidence.measured_range_m[*i] > 0.0 && evidence.range_m[*i] > 0.0);
     if acts_on.range {
         consider(returned().map(|i| evidence.measured_range_m[i] - evidence.range_m[i]).collect());
-    }
-    if acts_on.reflectance {
+    } else if acts_on.reflectance {
         consider(returned().map(|i| evidence.measured_reflectance[i] - evidence.reflectance[i]).collect());
     }
     widest.map_or_else(Vec::new, |(most, core)| vec![most.min(1.0), (most.min(1.0) * core).sqrt()])

@@ -61,7 +61,11 @@ fn batch(pairs: &[&Pair], sensor: &Sensor, rays: &Rays, device: &Device) -> Batc
         range_m: tensor(&|p| p.simulated.range_m().to_vec()),
         reflectance: tensor(&|p| p.simulated.reflectance().to_vec()),
         class: tensor(&|p| p.simulated.class().iter().map(|c| f32::from(*c)).collect()),
-        keep: tensor(&|p| p.keep.clone().unwrap_or_else(|| vec![1.0; sensor.pixels()])),
+        keep: if pairs.iter().all(|p| p.keep.is_none()) {
+            Tensor::ones([1, 1, 1], device)
+        } else {
+            tensor(&|p| p.keep.clone().unwrap_or_else(|| vec![1.0; sensor.pixels()]))
+        },
         frame: Tensor::from_data(TensorData::new(frames, [pairs.len(), 1, 1]), device),
     };
     let observed =

@@ -9,14 +9,17 @@ use rayon::prelude::*;
 use super::data::Batch;
 use super::likelihood;
 use super::model::{SensorModel, Term};
-use super::newton::{Groups, Minimum, Objective};
+use super::newton::{self, Effort, Groups, Objective};
 use crate::effects::{ActsOn, Extent, Image, Kind};
 
-/// Nats that a step has to promise to be worth taking.
-const TOLERANCE: f64 = 0.02;
+/// To find the way through widened normals.
+const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0 };
 
-/// Most steps of an exact fit.
-const MOST_STEPS: usize = 40;
+/// To find out whether an effect is worth anything.
+pub const TRIAL: Effort = Effort { steps: 30, tolerance: 0.3 };
+
+/// To know the values.
+pub const EXACT: Effort = Effort { steps: 60, tolerance: 0.02 };
 
 /// A term, and which of its numbers are free.
 #[derive(Clone, Debug)]
@@ -43,6 +46,17 @@ pub struct Score {
     pub returns: f64,
 }
 
+/// What a fit looks at.
+#[derive(Clone, Copy, Debug)]
+pub struct On<'a> {
+    /// The scans.
+    pub batches: &'a [&'a Batch],
+    /// Their channels.
+    pub channels: ActsOn,
+    /// Their rays; settled ones can be told only where the free terms move none.
+    pub rays: Rays,
+}
+
 /// A fit's end.
 #[derive(Clone, Debug)]
 pub struct Fitted {
@@ -50,10 +64,6 @@ pub struct Fitted {
     pub terms: Vec<Term>,
     /// Log-likelihood in nats, of the likelihoods that the free terms act on.
     pub log_likelihood: f64,
-    minimum: Minimum,
-    /// Gradient of each scene at the minimum.
-    gradients: Vec<Vec<f64>>,
-    free: Vec<Free>,
 }
 
 impl Score {
@@ -108,13 +118,31 @@ impl Free {
     }
 }
 
+/// Which rays count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rays {
+    /// All of them, as where rays are moved.
+    All,
+    /// Those of which the model's moved rays leave no doubt what they hit, as for everything else: see [`Image::settled`].
+    Settled,
+}
+
+impl Rays {
+    /// Those that say whether a model needs an effect.
+    pub fn of(term: &Term) -> Self {
+        if term.is_geometric() { Self::All } else { Self::Settled }
+    }
+}
+
 /// Log-likelihoods under a model, block by block in the order of the batches.
-pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
+pub fn score(model: &SensorModel, batches: &[&Batch], rays: Rays) -> Vec<Score> {
     let of = |batch: &&Batch| {
         let image = model.forward(batch.image.clone());
-        let range = per_block(&likelihood::range(&image, &batch.observed, 0.0));
-        let reflectance = per_block(&likelihood::reflectance(&image, &batch.observed, 0.0));
-        let returns = per_block(&likelihood::returns(&image, &batch.observed));
+        let settled = if rays == Rays::Settled { image.settled() } else { None };
+        let sums = |nats: Tensor<3>| per_block(&counted(nats, settled.as_ref()));
+        let range = sums(likelihood::range(&image, &batch.observed, 0.0));
+        let reflectance = sums(likelihood::reflectance(&image, &batch.observed, 0.0));
+        let returns = sums(likelihood::returns(&image, &batch.observed));
         (0..range.len())
             .map(|i| Score { scene: batch.scene, range: range[i], reflectance: reflectance[i], returns: returns[i] })
             .collect::<Vec<_>>()
@@ -126,40 +154,36 @@ pub fn score(model: &SensorModel, batches: &[&Batch]) -> Vec<Score> {
 ///
 /// The normals of the likelihood are widened by `widths`, one fit after the other, so that a start that is far off finds its way; the
 /// last fit is exact.
-pub fn fit(model: &SensorModel, free: &[Free], acts_on: ActsOn, batches: &[&Batch], widths: &[f64]) -> Fitted {
-    let problem = Problem::new(model, free, acts_on, batches);
-    let groups = Groups::new(free.iter().flat_map(Free::groups));
-    let mut x: Vec<f64> =
-        free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect();
+pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, widths: &[f64], effort: Effort) -> Fitted {
+    let problem = Problem::new(model, free, on);
+    let groups = problem.groups();
+    let mut x = problem.start();
     for soften in widths.iter().copied() {
-        let found = groups.minimise(&Softened { problem: &problem, soften }, &x, 3, 1.0).x;
+        let found = groups.minimise(&Softened { problem: &problem, soften }, &x, ON_THE_WAY).x;
         // Under widened normals the means can be found, but every spread seems too large: spreads begin anew.
         let is_mean = free.iter().flat_map(Free::kinds).map(|kind| kind == Kind::Free);
         x.iter_mut().zip(found).zip(is_mean).filter(|(_, mean)| *mean).for_each(|((x, found), _)| *x = found);
     }
-    let exact = Softened { problem: &problem, soften: 0.0 };
-    let minimum = groups.minimise(&exact, &x, MOST_STEPS, TOLERANCE);
-    let gradients = problem.gradients_by_scene(&minimum.x);
-    let terms = problem.terms(&minimum.x);
-    Fitted { terms, log_likelihood: -minimum.value, minimum, gradients, free: free.to_vec() }
+    let minimum = groups.minimise(&Softened { problem: &problem, soften: 0.0 }, &x, effort);
+    Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value }
 }
 
-impl Fitted {
-    /// Standard errors of every number of the free terms, in a fit's units; 0 for numbers that were held.
-    pub fn stderr(&self) -> Vec<Vec<f64>> {
-        let found = self.minimum.stderr(&self.gradients);
-        let mut next = found.iter();
-        self.free
-            .iter()
-            .map(|free| {
-                let mut of = vec![0.0; free.term.fitted.len()];
-                for i in free.ranges().into_iter().flatten() {
-                    of[i] = *next.next().unwrap_or_else(|| unreachable!("one error a number"));
-                }
-                of
-            })
-            .collect()
-    }
+/// Standard errors of every number of the free terms, which have been fitted, in a fit's units; 0 for numbers that are held.
+pub fn stderr(model: &SensorModel, free: &[Free], on: &On<'_>) -> Vec<Vec<f64>> {
+    let problem = Problem::new(model, free, on);
+    let x = problem.start();
+    let hessian = problem.groups().curvature(&Softened { problem: &problem, soften: 0.0 }, &x);
+    let found = newton::stderr(&hessian, &problem.gradients_by_scene(&x));
+    let mut next = found.iter();
+    free.iter()
+        .map(|free| {
+            let mut of = vec![0.0; free.term.fitted.len()];
+            for i in free.ranges().into_iter().flatten() {
+                of[i] = *next.next().unwrap_or_else(|| unreachable!("one error a number"));
+            }
+            of
+        })
+        .collect()
 }
 
 /// What is fitted to what; everything that does not change is worked out once.
@@ -174,6 +198,8 @@ struct Problem<'a> {
 struct Prepared<'a> {
     batch: &'a Batch,
     image: Image,
+    /// 1 where rays count; `None` where all do.
+    settled: Option<Tensor<3>>,
 }
 
 struct Softened<'a> {
@@ -182,24 +208,36 @@ struct Softened<'a> {
 }
 
 impl<'a> Problem<'a> {
-    fn new(model: &'a SensorModel, free: &'a [Free], acts_on: ActsOn, batches: &[&'a Batch]) -> Self {
+    fn new(model: &'a SensorModel, free: &'a [Free], on: &On<'a>) -> Self {
         let is_free = |term: &&Term| free.iter().any(|f| f.term.name() == term.name());
         let held: Vec<&Term> = model.terms.iter().filter(|t| !is_free(t)).collect();
         let (moving, other): (Vec<&Term>, Vec<&Term>) = held.into_iter().partition(|t| t.is_geometric());
         let moves = free.iter().any(|f| f.term.is_geometric());
         let prepare = |batch: &'a Batch| {
             let image = moving.iter().fold(batch.image.clone(), |image, term| term.forward(image));
-            let image =
-                if moves { image } else { other.iter().fold(image.resample(), |image, term| term.forward(image)) };
-            Prepared { batch, image }
+            if moves {
+                return Prepared { batch, image, settled: None };
+            }
+            let image = image.resample();
+            let settled = if on.rays == Rays::Settled { image.settled() } else { None };
+            Prepared { batch, image: other.iter().fold(image, |image, term| term.forward(image)), settled }
         };
         Self {
-            batches: batches.par_iter().copied().map(prepare).collect(),
+            batches: on.batches.par_iter().copied().map(prepare).collect(),
             held_last: if moves { other } else { vec![] },
             free,
-            acts_on,
-            device: batches.first().map_or_else(Device::flex, |b| b.image.device()),
+            acts_on: on.channels,
+            device: on.batches.first().map_or_else(Device::flex, |b| b.image.device()),
         }
+    }
+
+    /// The free numbers where the fit starts.
+    fn start(&self) -> Vec<f64> {
+        self.free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect()
+    }
+
+    fn groups(&self) -> Groups {
+        Groups::new(self.free.iter().flat_map(Free::groups))
     }
 
     /// The gradient of each scene's likelihood.
@@ -271,6 +309,7 @@ impl<'a> Problem<'a> {
             parts.push(likelihood::returns(&image, observed));
         }
         let Some(total) = parts.into_iter().reduce(|a, b| a + b) else { return (0.0, vec![0.0; x.dims()[0]]) };
+        let total = counted(total, prepared.settled.as_ref());
         let value: f64 = per_block(&total.clone().detach()).iter().sum();
         let gradients = total.sum().backward();
         let gradient = x
@@ -290,6 +329,14 @@ impl Objective for Softened<'_> {
             sum.1.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
         }
         sum
+    }
+}
+
+/// Log-likelihoods of the rays that count, 0 for the others.
+fn counted(nats: Tensor<3>, settled: Option<&Tensor<3>>) -> Tensor<3> {
+    match settled {
+        None => nats,
+        Some(settled) => nats * settled.clone(),
     }
 }
 

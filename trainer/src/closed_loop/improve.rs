@@ -6,8 +6,8 @@ use burn::tensor::Tensor;
 use super::black_box::{Table, best_table};
 use super::candidate::{Halves, Trial};
 use super::data::Batch;
-use super::fit::{Fitted, Free, fit, score};
-use super::model::SensorModel;
+use super::fit::{EXACT, Free, On, Rays, fit, score, stderr};
+use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
 use super::screen::{Screening, screen};
 use super::significance::benjamini_hochberg;
@@ -54,8 +54,12 @@ pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progre
         rounds: vec![],
         progress,
     };
-    search.add_named();
-    search.replace_mimics();
+    for _ in 0..MOST_TABLES {
+        search.add_named();
+        if !search.replace_mimics() {
+            break;
+        }
+    }
     search.add_tables();
     let screening_after = screen(&search.model, &all, SEED);
     search.finish(before, screening_before, screening_after)
@@ -111,7 +115,8 @@ impl Search<'_> {
         for name in older {
             let without = refitted(&self.model.without(name), &self.all);
             let size = self.model.terms.iter().find(|t| t.name() == name).map_or(0, |t| t.fitted.len());
-            if total(&self.model, &self.all) - total(&without, &self.all) < LEAST_NATS + size as f64 {
+            let rays = self.model.terms.iter().find(|t| t.name() == name).map_or(Rays::All, Rays::of);
+            if total(&self.model, &self.all, rays) - total(&without, &self.all, rays) < LEAST_NATS + size as f64 {
                 (self.progress)(&format!("drop {name}: the others make up for it"));
                 self.found.retain(|f| f.term.name() != name);
                 self.model = without;
@@ -119,37 +124,59 @@ impl Search<'_> {
         }
     }
 
-    /// An effect that a table in its place beats clearly is a mimic of something that has no name: the table takes its place.
-    fn replace_mimics(&mut self) {
-        let newest_first: Vec<&str> = self.found.iter().rev().map(|f| f.term.name()).collect();
-        for name in newest_first {
-            let Some(i) = self.found.iter().position(|f| f.term.name() == name) else { continue };
-            let acts_on = self.found[i].term.effect.about().acts_on;
-            let without = refitted(&self.model.without(name), &self.all);
-            let halves = Halves::new(&without, self.batches.clone());
-            let evidence = evidence(&without, &halves.batches[0]);
-            let effect = std::sync::Arc::clone(&self.found[i].term.effect);
-            let named = Trial::of(&without, &effect, &halves, &evidence);
-            let screening = screen(&without, &self.all, SEED);
-            let better = channels(acts_on)
-                .filter_map(|channel| best_table(&without, &halves, &screening, channel))
-                .filter(|t| passes(&t.trial, t.q_value, halves.rays))
-                .filter(|t| named.gain.value < HOLDS_ITS_OWN * t.trial.gain.value && !named.is_as_good_as(&t.trial))
-                .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
-            let Some(table) = better else { continue };
-            let decision = format!("replace {name} by {}: it does not hold its own", table.trial.name());
-            (self.progress)(&decision);
-            let judged = |trial: Trial, q_value: f64, passed: bool| Judged { trial, q_value, passed }.candidate();
-            let candidates =
-                vec![judged(table.trial.clone(), table.q_value, true), judged(named, self.found[i].q_value, false)];
-            self.rounds.push(Round { candidates, decision });
-            self.found.remove(i);
-            self.model = without;
-            // What the table stands for may be what others mimicked.
-            let newest = table.trial.name();
-            self.add(table);
-            self.drop_idle(newest);
+    /// Effects that a table in their place beats are mimics of something that has no name: the table takes their place. All effects of
+    /// a channel together first, for several mimics may each make up for what the others lack; then each by itself. Whether any was.
+    fn replace_mimics(&mut self) -> bool {
+        let mut replaced = false;
+        for channel in channels(ActsOn::ALL) {
+            let of_channel = |f: &&Found| channels(f.term.effect.about().acts_on).eq([channel]);
+            let names: Vec<&'static str> = self.found.iter().filter(of_channel).map(|f| f.term.name()).collect();
+            if names.len() > 1 {
+                replaced |= self.replace_if_mimics(&names);
+            }
         }
+        let newest_first: Vec<&'static str> = self.found.iter().rev().map(|f| f.term.name()).collect();
+        for name in newest_first {
+            if self.found.iter().any(|f| f.term.name() == name) {
+                replaced |= self.replace_if_mimics(&[name]);
+            }
+        }
+        replaced
+    }
+
+    /// Replaces these effects by a table that beats them, if there is one.
+    fn replace_if_mimics(&mut self, names: &[&'static str]) -> bool {
+        let are_named = |f: &&Found| names.contains(&f.term.name());
+        let terms: Vec<Term> = self.found.iter().filter(are_named).map(|f| f.term.clone()).collect();
+        let q_value = self.found.iter().filter(are_named).map(|f| f.q_value).fold(0.0, f64::max);
+        let without = names.iter().fold(self.model.clone(), |model, name| model.without(name));
+        let without = refitted(&without, &self.all);
+        let halves = Halves::new(&without, self.batches.clone());
+        let named = Trial::of_all(&without, &terms, &halves);
+        let screening = screen(&without, &self.all, SEED);
+        // Several effects have no excuse: a single table that is better than all of them knows what they do not.
+        let enough = if names.len() > 1 { 1.0 } else { HOLDS_ITS_OWN };
+        let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
+        let better = channels(acts_on)
+            .filter_map(|channel| best_table(&without, &halves, &screening, channel))
+            .filter(|t| passes(&t.trial, t.q_value, halves.rays))
+            .filter(|t| named.gain.value < enough * t.trial.gain.value && !named.is_as_good_as(&t.trial))
+            .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
+        let Some(table) = better else { return false };
+        let they = if names.len() > 1 { "they do not hold their" } else { "it does not hold its" };
+        let decision = format!("replace {} by {}: {they} own", names.join(" and "), table.trial.name());
+        (self.progress)(&decision);
+        let judged = |trial: Trial, q_value: f64, passed: bool| Judged { trial, q_value, passed }.candidate();
+        let mut candidates = vec![judged(table.trial.clone(), table.q_value, true)];
+        candidates.push(Candidate { name: names.join(" and "), ..judged(named, q_value, false) });
+        self.rounds.push(Round { candidates, decision });
+        self.found.retain(|f| !names.contains(&f.term.name()));
+        self.model = without;
+        // What the table stands for may be what others mimicked.
+        let newest = table.trial.name();
+        self.add(table);
+        self.drop_idle(newest);
+        true
     }
 
     /// Adds tables for what is left, until nothing passes.
@@ -187,13 +214,12 @@ impl Search<'_> {
 
     /// The outcome, everything fitted together once more.
     fn finish(self, before: SensorModel, screening_before: Screening, screening_after: Screening) -> Outcome {
-        let fitted = refit_all(&self.model, &self.all);
-        let after = self.model.with(&fitted.terms);
-        let stderr = fitted.stderr();
+        let after = refitted(&self.model, &self.all);
+        let stderr = physical_stderr(&after, &self.all);
         let with_errors = |found: Found| {
-            let i = fitted.terms.iter().position(|t| t.name() == found.term.name());
+            let i = after.terms.iter().position(|t| t.name() == found.term.name());
             let i = i.unwrap_or_else(|| unreachable!("what was found is in the model"));
-            Found { term: fitted.terms[i].clone(), stderr: fitted.terms[i].physical_stderr(&stderr[i]), ..found }
+            Found { term: after.terms[i].clone(), stderr: stderr[i].clone(), ..found }
         };
         let declared: Vec<Found> = before
             .effects()
@@ -293,20 +319,38 @@ fn passes(trial: &Trial, q: f64, rays: f64) -> bool {
         && trial.is_plausible()
 }
 
-/// Refits every term of a model, the noise floor included.
-fn refit_all(model: &SensorModel, batches: &[&Batch]) -> Fitted {
-    let free: Vec<Free> = model.terms.iter().cloned().map(Free::all).collect();
-    fit(model, &free, ActsOn::ALL, batches, &[])
+/// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.
+fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
+    let fitted = |model: &SensorModel, free: &[Free], rays| {
+        model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, rays }, &[], EXACT).terms)
+    };
+    let model = fitted(model, &free(model, |_| true), Rays::All);
+    if model.moves_rays() { fitted(&model, &free(&model, |term| !term.is_geometric()), Rays::Settled) } else { model }
 }
 
-/// A model with every term fitted again.
-fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
-    model.with(&refit_all(model, batches).terms)
+/// Standard errors of every number of a fitted model, in the units of its parameters.
+fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
+    let errors = |free: &[Free], rays| {
+        let stderr = stderr(model, free, &On { batches, channels: ActsOn::ALL, rays });
+        free.iter().zip(stderr).map(|(f, stderr)| f.term.physical_stderr(&stderr)).collect::<Vec<_>>()
+    };
+    let mut out = errors(&free(model, |_| true), Rays::All);
+    if model.moves_rays() {
+        let settled = errors(&free(model, |term| !term.is_geometric()), Rays::Settled);
+        let others = model.terms.iter().zip(&mut out).filter(|(term, _)| !term.is_geometric());
+        others.zip(settled).for_each(|((_, place), settled)| *place = settled);
+    }
+    out
+}
+
+/// Terms of a model with all their numbers free.
+fn free(model: &SensorModel, which: impl Fn(&Term) -> bool) -> Vec<Free> {
+    model.terms.iter().filter(|term| which(term)).cloned().map(Free::all).collect()
 }
 
 /// Log-likelihood of everything, in nats.
-fn total(model: &SensorModel, batches: &[&Batch]) -> f64 {
-    score(model, batches).iter().map(super::fit::Score::total).sum()
+fn total(model: &SensorModel, batches: &[&Batch], rays: Rays) -> f64 {
+    score(model, batches, rays).iter().map(super::fit::Score::total).sum()
 }
 
 /// What the model predicts and what was measured, side by side.

@@ -64,7 +64,7 @@ pub fn range(image: &Image, observed: &Observed, soften_m: f64) -> Tensor<3> {
         let here = surface * image.surface.hit.clone() * (other.weight.clone() * -1.0 + 1.0);
         surface = (here + density(beside) * other.hit.clone() * other.weight.clone()) / image.hit().clamp_min(1e-9);
     }
-    if let Some(mixed) = &image.mixed {
+    for mixed in &image.mixed {
         let within = z.clone() - image.range_error_m();
         let step = |at: &Tensor<3>| cumulative(&((within.clone() - at.clone()) / sigma.clone()));
         let width = (mixed.far_m.clone() - mixed.near_m.clone()).clamp_min(1e-2);
@@ -245,7 +245,7 @@ mod tests {
     fn mixed(mut image: Image) -> Image {
         let range_m = image.surface.range_m.clone();
         image.mixed =
-            Some(Mixed { probability: one(0.3), near_m: range_m.clone() * 0.6 + 2.0, far_m: range_m.clone() + 5.0 });
+            vec![Mixed { probability: one(0.3), near_m: range_m.clone() * 0.6 + 2.0, far_m: range_m.clone() + 5.0 }];
         image.report.range_m = image.report.range_m + 0.3;
         image.other = Some(Other {
             range_m: range_m.clone() * 0.0 + 9.0,

@@ -155,6 +155,11 @@ impl SensorModel {
         self.effects().iter().any(|term| term.name() == name)
     }
 
+    /// Whether any of its effects moves rays.
+    pub fn moves_rays(&self) -> bool {
+        self.terms.iter().any(Term::is_geometric)
+    }
+
     /// The image that the sensor has: moved rays first, then everything that happens to their returns.
     pub fn forward(&self, image: Image) -> Image {
         self.forward_with(image, &|term, image| term.forward(image), None)

@@ -19,10 +19,22 @@ const FAR_TOO_LONG: f64 = 4.0;
 /// Longest step along a direction, in the same units.
 const LONGEST: f64 = 10.0;
 
+/// Share of what a step promised that it has to keep for the second derivatives to be worth updating rather than working out anew.
+const KEPT: f64 = 0.5;
+
 /// A function and its gradient.
 pub trait Objective {
     /// Value and gradient at `x`.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
+}
+
+/// How much trouble a search takes.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Most steps.
+    pub steps: usize,
+    /// By how much a step has to promise to lower the value to be taken.
+    pub tolerance: f64,
 }
 
 /// Where a search ended.
@@ -32,8 +44,6 @@ pub struct Minimum {
     pub x: Vec<f64>,
     /// The value.
     pub value: f64,
-    /// The Hessian.
-    pub hessian: DMatrix<f64>,
 }
 
 /// The groups that the numbers of `x` fall into, one after the other.
@@ -109,69 +119,106 @@ impl Groups {
         (&hessian + hessian.transpose()) * 0.5
     }
 
-    /// Searches a minimum from `x`, for at most `steps` steps, until a step promises less than `tolerance`.
-    pub fn minimise(&self, objective: &dyn Objective, x: &[f64], steps: usize, tolerance: f64) -> Minimum {
+    /// The Hessian at `x`, from differences over steps that fit it, forwards and backwards.
+    pub fn curvature(&self, objective: &dyn Objective, x: &[f64]) -> DMatrix<f64> {
+        let (_, gradient) = objective.evaluate(x);
+        let mut steps = vec![STEPS.0; x.len()];
+        self.hessian(objective, x, &gradient, &mut steps);
+        let forwards = self.differences(objective, x, &gradient, &steps);
+        steps.iter_mut().for_each(|step| *step = -*step);
+        (forwards + self.differences(objective, x, &gradient, &steps)) * 0.5
+    }
+
+    /// Searches a minimum from `x`, until a step promises too little to be worth the effort.
+    ///
+    /// The Hessian is worked out where the search starts and wherever it proves wrong, and updated between (Broyden, Fletcher, Goldfarb
+    /// and Shanno: Nocedal and Wright, Numerical Optimization, 2006, section 6.1).
+    pub fn minimise(&self, objective: &dyn Objective, x: &[f64], effort: Effort) -> Minimum {
         let mut x = x.to_vec();
         let (mut value, mut gradient) = objective.evaluate(&x);
         let mut reach = LONGEST;
         let mut lengths = vec![STEPS.0; x.len()];
-        let mut hessian = self.hessian(objective, &x, &gradient, &mut lengths);
-        for _ in 0..steps {
+        let mut hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths));
+        let mut fresh = true;
+        for _ in 0..effort.steps {
             let eigen = SymmetricEigen::new(hessian.clone());
-            let largest = eigen.eigenvalues.amax().max(1e-12);
             let along = eigen.eigenvectors.transpose() * DVector::from_column_slice(&gradient);
-            let full = DVector::from_fn(along.len(), |i, _| -along[i] / eigen.eigenvalues[i].abs().max(1e-7 * largest));
-            let mut accepted = false;
-            for _ in 0..8 {
+            let full = DVector::from_fn(along.len(), |i, _| -along[i] / eigen.eigenvalues[i].max(1e-12));
+            // Whether a step was taken, and kept what it promised.
+            let mut taken = None;
+            for attempt in 0..6 {
                 // Each direction by itself, so that one that is flat does not hold back those that are known.
                 let step = &eigen.eigenvectors * full.map(|along| along.clamp(-reach, reach));
                 let promised = -DVector::from_column_slice(&gradient).dot(&step);
-                if promised.abs() < tolerance {
+                if promised < effort.tolerance {
                     break;
                 }
                 let there: Vec<f64> = x.iter().zip(step.iter()).map(|(x, d)| x + d).collect();
                 let (new_value, new_gradient) = objective.evaluate(&there);
                 if new_value.is_finite() && new_value < value {
+                    let expected = promised - 0.5 * step.dot(&(&hessian * &step));
+                    taken = Some(attempt == 0 && value - new_value > KEPT * expected);
+                    let change =
+                        DVector::from_iterator(x.len(), new_gradient.iter().zip(&gradient).map(|(a, b)| a - b));
+                    update(&mut hessian, &step, &change);
                     (x, value, gradient) = (there, new_value, new_gradient);
                     reach = (2.0 * reach).min(LONGEST);
-                    accepted = true;
                     break;
                 }
                 reach = 0.25 * reach.min(full.amax());
             }
-            if !accepted {
+            if taken.is_none() && fresh {
                 break;
             }
-            hessian = self.hessian(objective, &x, &gradient, &mut lengths);
+            fresh = taken != Some(true);
+            if fresh {
+                hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths));
+            }
         }
-        Minimum { x, value, hessian }
+        Minimum { x, value }
     }
 }
 
-impl Minimum {
-    /// Standard errors, if the value is a negative log-likelihood: the larger of what the curvature says, which trusts the model, and of
-    /// what the scenes' gradients say, which does not (H⁻¹ Σ g gᵀ H⁻¹, clustered by scene: Huber 1967, Liang and Zeger 1986).
-    pub fn stderr(&self, gradients: &[Vec<f64>]) -> Vec<f64> {
-        let n = self.x.len();
-        let eigen = SymmetricEigen::new(self.hessian.clone());
-        let floor = 1e-9 * eigen.eigenvalues.amax().max(1e-12);
-        let inverse = DMatrix::from_fn(n, n, |i, j| {
-            let along =
-                |k: usize| eigen.eigenvectors[(i, k)] * eigen.eigenvectors[(j, k)] / eigen.eigenvalues[k].max(floor);
-            (0..n).map(along).sum::<f64>()
-        });
-        let moves: Vec<DVector<f64>> = gradients.iter().map(|g| &inverse * DVector::from_column_slice(g)).collect();
-        let scenes = moves.len() as f64;
-        (0..n)
-            .map(|i| {
-                let trusting = inverse[(i, i)].max(0.0);
-                let clustered = if moves.len() < 3 {
-                    0.0
-                } else {
-                    moves.iter().map(|m| m[i] * m[i]).sum::<f64>() * scenes / (scenes - 1.0)
-                };
-                trusting.max(clustered).sqrt()
-            })
-            .collect()
+/// The same curvature upwards in every direction, and some in each.
+fn positive(hessian: &DMatrix<f64>) -> DMatrix<f64> {
+    let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(hessian.clone());
+    let least = 1e-7 * eigenvalues.amax().max(1e-12);
+    let upwards = eigenvalues.map(|curvature: f64| curvature.abs().max(least));
+    &eigenvectors * DMatrix::from_diagonal(&upwards) * eigenvectors.transpose()
+}
+
+/// What a step and the change of the gradient along it say of the Hessian.
+fn update(hessian: &mut DMatrix<f64>, step: &DVector<f64>, change: &DVector<f64>) {
+    let bent = &*hessian * step;
+    let (along, before) = (change.dot(step), step.dot(&bent));
+    if along > 1e-3 * before {
+        *hessian += change * change.transpose() / along - &bent * bent.transpose() / before;
     }
+}
+
+/// Standard errors of numbers where a negative log-likelihood has this Hessian: the larger of what the curvature says, which trusts the
+/// model, and of what the scenes' gradients say, which does not (H⁻¹ Σ g gᵀ H⁻¹, clustered by scene: Huber 1967, Liang and Zeger 1986).
+pub fn stderr(hessian: &DMatrix<f64>, gradients: &[Vec<f64>]) -> Vec<f64> {
+    let n = hessian.nrows();
+    let eigen = SymmetricEigen::new(hessian.clone());
+    // At a minimum only rounding, or numbers whose interaction was not looked at, make a curvature negative: its size is what is known.
+    let floor = 1e-9 * eigen.eigenvalues.amax().max(1e-12);
+    let inverse = DMatrix::from_fn(n, n, |i, j| {
+        let along =
+            |k: usize| eigen.eigenvectors[(i, k)] * eigen.eigenvectors[(j, k)] / eigen.eigenvalues[k].abs().max(floor);
+        (0..n).map(along).sum::<f64>()
+    });
+    let moves: Vec<DVector<f64>> = gradients.iter().map(|g| &inverse * DVector::from_column_slice(g)).collect();
+    let scenes = moves.len() as f64;
+    (0..n)
+        .map(|i| {
+            let trusting = inverse[(i, i)].max(0.0);
+            let clustered = if moves.len() < 3 {
+                0.0
+            } else {
+                moves.iter().map(|m| m[i] * m[i]).sum::<f64>() * scenes / (scenes - 1.0)
+            };
+            trusting.max(clustered).sqrt()
+        })
+        .collect()
 }

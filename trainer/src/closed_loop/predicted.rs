@@ -72,6 +72,14 @@ impl Predicted {
         let scatter = image.ceiling.as_ref().map_or_else(|| none.clone(), |c| none.clone() + c.scatter.clone());
         let scatter_error = scatter.clone() * (2.0 / std::f64::consts::PI).sqrt();
         let least = (least.square() + scatter_error.square()).sqrt();
+        let least = match (&image.other, image.beside()) {
+            (Some(other), Some(beside)) => {
+                let step = other.reflectance.clone() - image.surface.reflectance.clone();
+                let there = (report.reflectance.clone() + step).clamp(0.0, 1.0) - median.clone();
+                least.clone() + (distance_from(&there, &report.reflectance_sigma) - least) * beside
+            }
+            _ => least,
+        };
         let reflectance_sigma = (report.reflectance_sigma.clone().square() + scatter.square()).sqrt();
         // A reported range that is rounded to a step is off by the rounding too.
         let sigma_m = match &image.quantum {
@@ -80,10 +88,9 @@ impl Predicted {
         };
         let sigma_m = list(&sigma_m);
         let nothing_extra = image.no_extra().unwrap_or_else(|| none.clone() + 1.0);
-        let only_surfaces = match &image.mixed {
-            None => nothing_extra,
-            Some(mixed) => nothing_extra * (image.hit() * report.keep.clone() * mixed.probability.clone() * -1.0 + 1.0),
-        };
+        let returned = image.hit() * report.keep.clone();
+        let only_surfaces = (image.mixed.iter())
+            .fold(nothing_extra, |only, mixed| only * (returned.clone() * mixed.probability.clone() * -1.0 + 1.0));
         let range_m = list(&(report.range_m.clone() + none.clone()));
         let extent_m = image.rays.limits_m.1 - image.rays.limits_m.0;
         let gate = list(&report.range_outliers).iter().zip(&sigma_m).map(|(o, s)| gate(*o, *s, extent_m)).collect();
@@ -160,6 +167,13 @@ fn certain(image: &Image, range_m: &[f32], sigma_m: &[f32], size: [usize; 3]) ->
             same || weight[i] < LEAST_WEIGHT
         })
         .collect()
+}
+
+/// Mean distance of a normal number from a place that is this far from its mean.
+fn distance_from(far: &Tensor<3>, sigma: &Tensor<3>) -> Tensor<3> {
+    let u = far.clone() / sigma.clone();
+    let density = (u.clone().square() * -0.5).exp() * (2.0 / std::f64::consts::PI).sqrt();
+    sigma.clone() * density + far.clone() * (cumulative(&u) * 2.0 - 1.0)
 }
 
 /// Mean of a normal number that is held between 0 and `most` and is with a small probability uniform from 0 to 1 instead, and its mean

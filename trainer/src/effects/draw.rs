@@ -38,10 +38,13 @@ impl Image {
             let scatter = normal(place.clone()) * ceiling.scatter.clone();
             reflectance = reflectance.min_pair(like.clone() + ceiling.maximum.clone()) + scatter;
         }
-        if let Some(mixed) = &self.mixed {
-            let share = place.clone() / mixed.probability.clone().clamp_min(1e-9);
+        let mut left = place.clone();
+        for mixed in &self.mixed {
+            let share = left.clone() / mixed.probability.clone().clamp_min(1e-9);
             let between = mixed.near_m.clone() + share.clone() * (mixed.far_m.clone() - mixed.near_m.clone());
-            range_m = range_m.mask_where(share.lower_elem(1.0), between + self.range_error_m());
+            let comes = share.clone().lower_elem(1.0).bool_and(share.greater_equal_elem(0.0));
+            range_m = range_m.mask_where(comes, between + self.range_error_m());
+            left = left - mixed.probability.clone();
         }
         // Extra returns replace the surface's, the later ones the earlier: `which` is used up from above.
         let which = which * keep.clone();

@@ -6,6 +6,9 @@ use super::extra::Extra;
 use super::rays::{Bend, Rays};
 use super::surface::Surface;
 
+/// Part of the way to the ray beside up to which a ray counts as not moved.
+const HARDLY_MOVED: f64 = 0.001;
+
 /// A batch of scans on their way through the sensor. Every tensor is `[batch, ring, column]` or broadcasts to it.
 #[derive(Clone, Debug)]
 pub struct Image {
@@ -23,8 +26,8 @@ pub struct Image {
     pub report: Report,
     /// Returns that come from no surface of the simulation, or replace it.
     pub extra: Vec<Extra>,
-    /// Returns between two surfaces.
-    pub mixed: Option<Mixed>,
+    /// Returns between two surfaces; each of the rays has one at most.
+    pub mixed: Vec<Mixed>,
     /// The step in which ranges are reported.
     pub quantum: Option<Quantum>,
     /// The largest reflectance that is reported.
@@ -111,7 +114,7 @@ impl Image {
     /// The image of a simulation whose sensor has no effects: exact and complete.
     pub fn new(simulated: Simulated, rays: Rays) -> Self {
         let surface = Surface::find(simulated.range_m, simulated.reflectance, simulated.class, &rays);
-        let like = surface.range_m.zeros_like();
+        let like = Tensor::<3>::zeros([1, 1, 1], &surface.range_m.device());
         let report = Report {
             range_m: surface.range_m.clone(),
             range_sigma_m: like.clone() + 1e-4,
@@ -129,7 +132,7 @@ impl Image {
             frame: simulated.frame,
             report,
             extra: vec![],
-            mixed: None,
+            mixed: vec![],
             quantum: None,
             ceiling: None,
         }
@@ -149,6 +152,14 @@ impl Image {
                 here + other.weight.clone() * other.hit.clone()
             }
         }
+    }
+
+    /// 1 where a moved ray sees a surface that the simulation shows all around it, or was hardly moved, else 0; `None` if no ray was moved.
+    /// Near an edge an image cannot know what a moved ray hits: what differs there says nothing of the rest.
+    pub fn settled(&self) -> Option<Tensor<3>> {
+        let other = self.other.as_ref()?;
+        let still = other.weight.clone().lower_elem(HARDLY_MOVED).float();
+        Some(self.surface.interior.clone().max_pair(still + self.surface.hit.zeros_like()).detach())
     }
 
     /// By how much the mean range differs from the surface's, in m.

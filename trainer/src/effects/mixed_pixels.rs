@@ -11,7 +11,8 @@ use super::{About, ActsOn, Channel, Effect, Image, Parameter, Surface, Values};
 /// Range jump in m from which on a neighbour is on another surface.
 const JUMP_M: f64 = 0.5;
 
-/// With probability p, a return at a depth edge lies anywhere between the two surfaces.
+/// With probability p, a return at a depth edge lies anywhere between the two surfaces; with another, one on ground that is seen from the
+/// side lies anywhere between the places that neighbouring rays see.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MixedPixels;
 
@@ -29,34 +30,57 @@ impl Effect for MixedPixels {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        vec![Parameter::probability("probability", 0.03, (1e-4, 0.95))]
+        vec![
+            Parameter::probability("probability", 0.03, (1e-4, 0.95)),
+            Parameter::probability("slope_probability", 0.003, (0.0, 0.95)),
+        ]
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let [near_m, far_m] = between(&image.surface, &image.rays);
-        let edge = (far_m.clone() - near_m.clone()).greater_elem(JUMP_M).float();
-        image.mixed = Some(Mixed { probability: edge * values.one(0), near_m, far_m });
+        let [edges, slopes] = between(&image.surface, &image.rays);
+        image.mixed.push(edges.mixed(|edge| edge * values.one(0)));
+        image.mixed.push(slopes.mixed(|slope| slope * values.one(1)));
         image
     }
 }
 
-/// The nearest and the farthest of each pixel's own surface and those that begin at its edges; the same away from edges.
+/// The nearest and the farthest of what a pixel and its neighbours see.
+struct Between {
+    near_m: Tensor<3>,
+    far_m: Tensor<3>,
+}
+
+impl Between {
+    /// The same with a neighbour of these ranges; where it is the pixel's own, nothing changes.
+    fn and(self, theirs_m: Tensor<3>) -> Self {
+        Self { near_m: self.near_m.min_pair(theirs_m.clone()), far_m: self.far_m.max_pair(theirs_m) }
+    }
+
+    /// Returns between the two, with a probability that is made of 1 where they are apart and 0 elsewhere.
+    fn mixed(self, probability: impl FnOnce(Tensor<3>) -> Tensor<3>) -> Mixed {
+        let apart = (self.far_m.clone() - self.near_m.clone()).greater_elem(JUMP_M).float();
+        Mixed { probability: probability(apart), near_m: self.near_m, far_m: self.far_m }
+    }
+}
+
+/// Between which ranges a return may lie: at edges, and on slopes.
 ///
 /// A neighbour is on another surface if it is far from the pixel's range, and as far from where the pixel's own plane would be: ground that
 /// is seen from the side jumps in range from ring to ring, and has no edge.
-fn between(surface: &Surface, rays: &Rays) -> [Tensor<3>; 2] {
+fn between(surface: &Surface, rays: &Rays) -> [Between; 2] {
     let own = &surface.range_m;
     let directions = rays.directions(&Bend::default());
-    let ends = [own.clone(), own.clone()];
-    [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().fold(ends, |[near, far], (down, right)| {
+    let alone = || Between { near_m: own.clone(), far_m: own.clone() };
+    [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().fold([alone(), alone()], |[edges, slopes], (down, right)| {
         let theirs = at(own, down, right, 0.0);
         let direction = directions.clone().map(|u| at(&u, down, right, 0.0));
         let expected = dot(&surface.plane, &direction).clamp_min(1e-4).recip();
         let both = theirs.clone().greater_elem(0.0).float() * surface.hit.clone();
         let jump = |from: Tensor<3>| (theirs.clone() - from).abs().greater_elem(JUMP_M).float();
-        let same = (both * jump(own.clone()) * jump(expected)).lower_elem(0.5);
-        let theirs = theirs.mask_where(same, own.clone());
-        [near.min_pair(theirs.clone()), far.max_pair(theirs)]
+        let jumps = both * jump(own.clone());
+        let apart = jumps.clone() * jump(expected);
+        let only = |mask: Tensor<3>| own.clone().mask_where(mask.greater_elem(0.5), theirs.clone());
+        [edges.and(only(apart.clone())), slopes.and(only(jumps - apart))]
     })
 }
 
@@ -70,7 +94,7 @@ mod tests {
     #[test]
     fn a_fit_finds_the_probability() {
         for probability in [0.1, 0.4] {
-            Trial::of(Arc::new(MixedPixels), &[probability]).found_within(0.05);
+            Trial::of(Arc::new(MixedPixels), &[probability, 0.1]).found_within(0.05);
         }
     }
 }

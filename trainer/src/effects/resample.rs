@@ -47,7 +47,8 @@ impl Image {
         self.report.range_sigma_m = (self.report.range_sigma_m.clone().square() + doubt_m.square()).sqrt();
         self.report.range_m = here.range_m.clone();
         self.report.reflectance = here.reflectance.clone();
-        self.report.keep = aim.nearest.of(&self.report.keep);
+        let keep = self.report.keep.clone();
+        self.report.keep = if keep.dims() == [1, 1, 1] { keep } else { aim.nearest.of(&keep) };
         self.other = Some(other);
         self.surface = here;
         self
@@ -128,6 +129,7 @@ fn look(surface: &Surface, pixels: &Pixels, ray: &Ray, rays: &Rays) -> Surface {
         plane,
         known,
         cos_incidence,
+        interior: pixels.of(&surface.interior),
     }
 }
 
@@ -161,6 +163,7 @@ impl Surface {
             plane: choose(&swap, here.plane, there.plane),
             known: here.known,
             cos_incidence: which(&here.cos_incidence, &there.cos_incidence),
+            interior: here.interior,
         };
         let sharp = |there: Tensor<3>, met: &Tensor<3>| there.mask_where(crease.clone(), met.clone());
         let other = Other {

@@ -26,6 +26,9 @@ const OTHER_CLASS: f64 = 1.5;
 /// Cosine of the incidence angle from which on a plane that only votes along one line span is believed, if it stays within a class.
 const STEEP: f64 = 0.02;
 
+/// Relative error of a neighbour's range up to which it is on a pixel's plane.
+const ON_PLANE: f64 = 0.005;
+
 /// Cosine of the incidence angle below which a plane is an artefact: it runs along the ray.
 const GRAZING: f64 = 0.004;
 
@@ -46,6 +49,8 @@ pub struct Surface {
     pub known: Tensor<3>,
     /// Cosine of the angle between the ray and the plane's normal, 0.01 to 1.
     pub cos_incidence: Tensor<3>,
+    /// 1 where the pixels all around lie on the same plane, or where neither they nor this one hit anything; else 0.
+    pub interior: Tensor<3>,
 }
 
 /// A plane that a pixel might lie on.
@@ -60,7 +65,8 @@ impl Surface {
     pub fn find(range_m: Tensor<3>, reflectance: Tensor<3>, class: Tensor<3>, rays: &Rays) -> Self {
         let hit = range_m.clone().greater_elem(0.0).float();
         let directions = rays.directions(&Bend::default());
-        let seen = Seen::new(directions.clone().map(|u| u * range_m.clone()), &range_m, &class);
+        let point = directions.clone().map(|u| u * range_m.clone());
+        let seen = Seen::new(point.clone(), &range_m, &class);
         let up_left = seen.candidate(-1, -1);
         let best = up_left.or(seen.candidate(-1, 1)).or(seen.candidate(1, -1)).or(seen.candidate(1, 1));
 
@@ -73,13 +79,30 @@ impl Surface {
         }
         let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
         let cos_incidence = (inverse / size).mask_fill(unknown, 1.0).clamp(0.01, 1.0);
-        Self { range_m, hit, reflectance, class, plane, known, cos_incidence }
+        let interior = interior(&plane, &point, &hit);
+        Self { range_m, hit, reflectance, class, plane, known, cos_incidence, interior }
     }
 
     /// Height of the hit above the sensor, in m.
     pub fn height_m(&self, rays: &Rays) -> Tensor<3> {
         self.range_m.clone() * rays.elevation_rad.clone().sin()
     }
+}
+
+/// 1 where the eight pixels around are on the plane, or nothing is hit by any of the nine.
+fn interior(plane: &[Tensor<3>; 3], point: &[Tensor<3>; 3], hit: &Tensor<3>) -> Tensor<3> {
+    const OUTSIDE: f64 = -1.0;
+    let around = [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)];
+    let on_plane = |(down, right)| {
+        let there = at(hit, down, right, OUTSIDE);
+        let outside = there.clone().lower_elem(0.0).float();
+        let alike = (there - hit.clone()).abs().lower_elem(0.5).float();
+        let error = (dot(plane, &beside(point, down, right)) - 1.0).abs();
+        let near = error.lower_elem(ON_PLANE).float().max_pair(hit.clone() * -1.0 + 1.0);
+        (alike * near).max_pair(outside)
+    };
+    let all = around.map(on_plane).into_iter().reduce(|a, b| a * b);
+    all.unwrap_or_else(|| unreachable!("eight neighbours"))
 }
 
 /// What a pixel's neighbours are judged by.

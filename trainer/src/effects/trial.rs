@@ -11,7 +11,7 @@ use scene::{Motion, Pose, cast};
 
 use super::{Effect, Image, draw::NOISE_CHANNELS};
 use crate::closed_loop::data::{Batch, Pair, batches};
-use crate::closed_loop::fit::{Fitted, Free, fit};
+use crate::closed_loop::fit::{EXACT, Fitted, Free, On, Rays, fit, stderr};
 use crate::closed_loop::improve::evidence;
 use crate::closed_loop::model::{SensorModel, Term};
 
@@ -44,21 +44,23 @@ impl Trial {
         let rings = sensor().rings().len();
         let term = Term::new(effect, rings);
         let acts_on = term.effect.about().acts_on;
+        let on = On { batches: &refs, channels: acts_on, rays: Rays::All };
         let ideal = SensorModel::ideal(rings);
         let ideal = ideal.clone().with_noise_of(&evidence(&ideal, &refs));
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);
-        let level = SensorModel { terms: fit(&ideal, &[noise], acts_on, &refs, &[]).terms };
+        let level = SensorModel { terms: fit(&ideal, &[noise], &on, &[], EXACT).terms };
         let noise = Free::noise(level.terms[0].clone(), acts_on);
         let starts = term.effect.starts(&evidence(&level, &refs));
         let starts = starts.iter().map(|start| term.clone().at(start));
         let starts: Vec<Term> = if starts.len() == 0 { vec![term] } else { starts.collect() };
         let from = |term: Term| {
             let widths: &[f64] = if term.is_geometric() { &[0.3, 0.06] } else { &[] };
-            fit(&level, &[noise.clone(), Free::all(term)], acts_on, &refs, widths)
+            fit(&level, &[noise.clone(), Free::all(term)], &on, widths, EXACT)
         };
         let fits = starts.into_iter().map(from);
         let fitted: Fitted = fits.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood)).expect("a start");
-        let stderr = fitted.terms[1].physical_stderr(&fitted.stderr()[1]);
+        let free = [Free::noise(fitted.terms[0].clone(), acts_on), Free::all(fitted.terms[1].clone())];
+        let stderr = fitted.terms[1].physical_stderr(&stderr(&level, &free, &on)[1]);
         Self { truth: vec![], found: fitted.terms[1].physical(), stderr }
     }
 
