@@ -3,11 +3,13 @@
 use std::sync::Arc;
 
 use super::data::Batch;
-use super::fit::{Fitted, Free, On, Rays, Score, TRIAL, fit, score};
+use nalgebra::DMatrix;
+
+use super::fit::{Fitted, Free, Manner, On, Rays, Score, fit, hessian, score};
 use super::model::{SensorModel, Term};
 use super::outcome::Interval;
 use super::significance::{Block, interval, p_value};
-use crate::effects::{ActsOn, Effect, Evidence};
+use crate::effects::{ActsOn, Effect, Evidence, Extent};
 
 /// Least gain on the half that an effect is fitted to, beside what its numbers gain by chance: an effect with less is never claimed,
 /// for there has to be more than twice this on both halves held out.
@@ -18,12 +20,37 @@ const LEAST_NATS_ON_A_HALF: f64 = 3.0;
 pub struct Halves<'a> {
     /// The batches of each half.
     pub batches: [Vec<&'a Batch>; 2],
-    /// Log-likelihoods of each half's blocks under the current model, of all rays, with noise that was fitted to all of them.
-    all: [Vec<Score>; 2],
-    /// The same of settled rays.
-    settled: [Vec<Score>; 2],
+    /// The current model on all rays.
+    all: Baseline,
+    /// The current model on settled rays.
+    settled: Baseline,
     /// Rays of both halves.
     pub rays: f64,
+}
+
+/// What a candidate is compared with.
+#[derive(Clone, Debug)]
+struct Baseline {
+    /// Noise floor fitted to the first half.
+    noise: Term,
+    /// Hessian of its numbers there.
+    hessian: DMatrix<f64>,
+    /// Log-likelihoods of each half's blocks, with the noise floor of the other half.
+    scores: [Vec<Score>; 2],
+}
+
+impl Baseline {
+    fn new(model: &SensorModel, batches: &[Vec<&Batch>; 2], rays: Rays) -> Self {
+        let noise = [Free::all(model.terms[0].clone())];
+        let on = |half: usize| On { batches: &batches[half], channels: ActsOn::ALL, rays };
+        let fitted = [0, 1].map(|half| model.with(&fit(model, &noise, &on(half), Manner::TRIAL).terms));
+        let noise = fitted[0].terms[0].clone();
+        Self {
+            hessian: hessian(&fitted[0], &[Free::all(noise.clone())], &on(0)),
+            scores: [score(&fitted[1], &batches[0], rays), score(&fitted[0], &batches[1], rays)],
+            noise,
+        }
+    }
 }
 
 /// A candidate with its held-out gain.
@@ -44,27 +71,13 @@ pub struct Trial {
 impl<'a> Halves<'a> {
     /// Scores a model on both halves.
     pub fn new(model: &SensorModel, batches: [Vec<&'a Batch>; 2]) -> Self {
-        let settled = [0, 1].map(|half| score(model, &batches[half], Rays::Settled));
-        let all = if model.moves_rays() {
-            // The model's noise is that of settled rays: an effect must not win for widening it.
-            let noise = [Free::all(model.terms[0].clone())];
-            let with_noise_of = |half: &Vec<&Batch>| {
-                let on = On { batches: half, channels: ActsOn::ALL, rays: Rays::All };
-                model.with(&fit(model, &noise, &on, &[], TRIAL).terms)
-            };
-            [
-                score(&with_noise_of(&batches[1]), &batches[0], Rays::All),
-                score(&with_noise_of(&batches[0]), &batches[1], Rays::All),
-            ]
-        } else {
-            settled.clone()
-        };
+        let settled = Baseline::new(model, &batches, Rays::Settled);
+        let all = if model.moves_rays() { Baseline::new(model, &batches, Rays::All) } else { settled.clone() };
         let rays = batches.iter().flatten().map(|b| b.observed.range_m.shape().num_elements() as f64).sum();
         Self { batches, all, settled, rays }
     }
 
-    /// Log-likelihoods of each half's blocks under the current model.
-    fn scores(&self, rays: Rays) -> &[Vec<Score>; 2] {
+    fn baseline(&self, rays: Rays) -> &Baseline {
         match rays {
             Rays::All => &self.all,
             Rays::Settled => &self.settled,
@@ -85,17 +98,23 @@ impl Trial {
         let guesses = effect.starts(evidence);
         let starts =
             if guesses.is_empty() { vec![term.clone()] } else { guesses.iter().map(|s| term.clone().at(s)).collect() };
-        let noise = Free::noise(model.terms[0].clone(), acts_on);
-        let [first, second] = &halves.batches;
         let rays = Rays::of(&term);
+        let before = halves.baseline(rays);
+        let noise = Free::noise(before.noise.clone(), acts_on);
+        let [first, second] = &halves.batches;
+        let single = term.parameters.iter().all(|p| p.extent == Extent::One);
+        let known = single
+            .then(|| noise.parameters.clone())
+            .map(|numbers| before.hessian.select_rows(&numbers).select_columns(&numbers));
         let on = |batches| On { batches, channels: acts_on, rays };
         let attempt = |start: &Term, widths: &[f64]| {
-            fit(model, &[noise.clone(), Free::all(start.clone())], &on(first), widths, TRIAL)
+            let manner = Manner { widths, known: known.as_ref(), ..Manner::TRIAL };
+            fit(model, &[noise.clone(), Free::all(start.clone())], &on(first), manner)
         };
         // A guess is near enough: wide normals would lead away from a needle.
         let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
         let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
-        let nothing: f64 = halves.scores(rays)[0].iter().map(|s| s.of(acts_on)).sum();
+        let nothing: f64 = before.scores[0].iter().map(|s| s.of(acts_on)).sum();
         if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
             // The way through widened normals led astray.
             tries.extend(starts.iter().map(|start| attempt(start, &[])));
@@ -108,7 +127,7 @@ impl Trial {
             return Self::hopeless(best.terms[1].clone(), halves);
         }
         let free = [Free::noise(best.terms[0].clone(), acts_on), Free::all(best.terms[1].clone())];
-        let other = fit(model, &free, &on(second), &[], TRIAL);
+        let other = fit(model, &free, &on(second), Manner::TRIAL);
         Self::exchanged(best.terms[1].clone(), acts_on, model, [&best, &other], halves)
     }
 
@@ -122,7 +141,7 @@ impl Trial {
         free.extend(terms.iter().cloned().map(Free::all));
         let fitted = |half: &Vec<&Batch>| {
             let on = On { batches: half, channels: acts_on, rays: Rays::of(&terms[0]) };
-            fit(model, &free, &on, &[], TRIAL)
+            fit(model, &free, &on, Manner::TRIAL)
         };
         let [first, second] = halves.batches.each_ref().map(fitted);
         Self::exchanged(terms[0].clone(), acts_on, model, [&first, &second], halves)
@@ -140,12 +159,12 @@ impl Trial {
         let rays = Rays::of(&term);
         let after =
             [score(&model.with(&on_second.terms), first, rays), score(&model.with(&on_first.terms), second, rays)];
-        Self::from_scores(term, acts_on, halves.scores(rays), halves.rays, &after)
+        Self::from_scores(term, acts_on, &halves.baseline(rays).scores, halves.rays, &after)
     }
 
     /// An effect that is not worth a look at the other half.
     fn hopeless(term: Term, halves: &Halves<'_>) -> Self {
-        let blocks = halves.all.iter().flatten().map(|score| Block { scene: score.scene, sum: 0.0 }).collect();
+        let blocks = halves.all.scores.iter().flatten().map(|score| Block { scene: score.scene, sum: 0.0 }).collect();
         Self { term, gain: Interval::default(), parts: [0.0; 3], p_value: 1.0, blocks }
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use burn::tensor::{Device, Tensor, s};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::data::Batch;
@@ -15,11 +16,24 @@ use crate::effects::{ActsOn, Extent, Image, Kind};
 /// To find the way through widened normals.
 const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0 };
 
-/// To find out whether an effect is worth anything.
-pub const TRIAL: Effort = Effort { steps: 30, tolerance: 0.3 };
+/// How a fit is done.
+#[derive(Clone, Copy, Debug)]
+pub struct Manner<'a> {
+    /// By how much the normals of the likelihood are widened, one search after the other, so that a start that is far off finds its way.
+    pub widths: &'a [f64],
+    /// How far the last search, which is exact, goes.
+    pub effort: Effort,
+    /// Hessian of the first free term's numbers at the start, if it is known.
+    pub known: Option<&'a DMatrix<f64>>,
+}
 
-/// To know the values.
-pub const EXACT: Effort = Effort { steps: 60, tolerance: 0.02 };
+impl Manner<'_> {
+    /// To find out whether an effect is worth anything.
+    pub const TRIAL: Self = Self { widths: &[], effort: Effort { steps: 30, tolerance: 0.3 }, known: None };
+
+    /// To know the values.
+    pub const EXACT: Self = Self { widths: &[], effort: Effort { steps: 60, tolerance: 0.02 }, known: None };
+}
 
 /// A term, and which of its numbers are free.
 #[derive(Clone, Debug)]
@@ -151,21 +165,25 @@ pub fn score(model: &SensorModel, batches: &[&Batch], rays: Rays) -> Vec<Score> 
 }
 
 /// Fits the free terms. A free term that the model has is refitted (it is known by its name); any other is added to it.
-///
-/// The normals of the likelihood are widened by `widths`, one fit after the other, so that a start that is far off finds its way; the
-/// last fit is exact.
-pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, widths: &[f64], effort: Effort) -> Fitted {
+pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) -> Fitted {
     let problem = Problem::new(model, free, on);
-    let groups = problem.groups();
     let mut x = problem.start();
-    for soften in widths.iter().copied() {
-        let found = groups.minimise(&Softened { problem: &problem, soften }, &x, ON_THE_WAY).x;
-        // Under widened normals the means can be found, but every spread seems too large: spreads begin anew.
-        let is_mean = free.iter().flat_map(Free::kinds).map(|kind| kind == Kind::Free);
-        x.iter_mut().zip(found).zip(is_mean).filter(|(_, mean)| *mean).for_each(|((x, found), _)| *x = found);
+    // Under widened normals the means can be found, but every spread seems too large: spreads wait.
+    let means = problem.means();
+    for soften in manner.widths.iter().copied().filter(|_| !means.is_empty()) {
+        let part = Part { whole: &Softened { problem: &problem, soften }, at: &x, numbers: &means };
+        let found = problem.groups_of_means().minimise(&part, &part.of(&x), ON_THE_WAY, None).x;
+        means.iter().zip(found).for_each(|(i, found)| x[*i] = found);
     }
-    let minimum = groups.minimise(&Softened { problem: &problem, soften: 0.0 }, &x, effort);
+    let exact = Softened { problem: &problem, soften: 0.0 };
+    let minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);
     Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value }
+}
+
+/// Hessian of the negative log-likelihood over the numbers of the free terms, where they are.
+pub fn hessian(model: &SensorModel, free: &[Free], on: &On<'_>) -> DMatrix<f64> {
+    let problem = Problem::new(model, free, on);
+    problem.groups().curvature(&Softened { problem: &problem, soften: 0.0 }, &problem.start())
 }
 
 /// Standard errors of every number of the free terms, which have been fitted, in a fit's units; 0 for numbers that are held.
@@ -238,6 +256,26 @@ impl<'a> Problem<'a> {
 
     fn groups(&self) -> Groups {
         Groups::new(self.free.iter().flat_map(Free::groups))
+    }
+
+    /// Which of the numbers are means rather than spreads or probabilities.
+    fn means(&self) -> Vec<usize> {
+        let kinds = self.free.iter().flat_map(Free::kinds).enumerate();
+        kinds.filter(|(_, kind)| *kind == Kind::Free).map(|(i, _)| i).collect()
+    }
+
+    fn groups_of_means(&self) -> Groups {
+        let is_mean = |free: &Free| {
+            let (parameters, groups) = (free.parameters.clone(), free.groups());
+            let kind = |i: usize| free.term.parameters[i].kind;
+            parameters
+                .into_iter()
+                .zip(groups)
+                .filter(|(i, _)| kind(*i) == Kind::Free)
+                .map(|(_, g)| g)
+                .collect::<Vec<_>>()
+        };
+        Groups::new(self.free.iter().flat_map(is_mean))
     }
 
     /// The gradient of each scene's likelihood.
@@ -316,6 +354,28 @@ impl<'a> Problem<'a> {
             .grad(&gradients)
             .map_or_else(|| vec![0.0; x.dims()[0]], |g| g.into_data().iter::<f64>().map(|g| -g).collect());
         (-value, gradient)
+    }
+}
+
+/// A function of some of another's numbers, the others held.
+struct Part<'a> {
+    whole: &'a dyn Objective,
+    at: &'a [f64],
+    numbers: &'a [usize],
+}
+
+impl Part<'_> {
+    fn of(&self, x: &[f64]) -> Vec<f64> {
+        self.numbers.iter().map(|i| x[*i]).collect()
+    }
+}
+
+impl Objective for Part<'_> {
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        let mut whole = self.at.to_vec();
+        self.numbers.iter().zip(x).for_each(|(i, x)| whole[*i] = *x);
+        let (value, gradient) = self.whole.evaluate(&whole);
+        (value, self.of(&gradient))
     }
 }
 

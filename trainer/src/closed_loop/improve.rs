@@ -6,7 +6,7 @@ use burn::tensor::Tensor;
 use super::black_box::{Table, best_table};
 use super::candidate::{Halves, Trial};
 use super::data::Batch;
-use super::fit::{EXACT, Free, On, Rays, fit, score, stderr};
+use super::fit::{Free, Manner, On, Rays, fit, score, stderr};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
 use super::screen::{Screening, screen};
@@ -322,7 +322,7 @@ fn passes(trial: &Trial, q: f64, rays: f64) -> bool {
 /// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.
 fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
     let fitted = |model: &SensorModel, free: &[Free], rays| {
-        model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, rays }, &[], EXACT).terms)
+        model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, rays }, Manner::EXACT).terms)
     };
     let model = fitted(model, &free(model, |_| true), Rays::All);
     if model.moves_rays() { fitted(&model, &free(&model, |term| !term.is_geometric()), Rays::Settled) } else { model }

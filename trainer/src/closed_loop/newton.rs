@@ -71,8 +71,15 @@ impl Groups {
     }
 
     /// The Hessian at `x`, where the gradient is `gradient`, by differences over `steps`, which are then fitted to it.
-    fn hessian(&self, objective: &dyn Objective, x: &[f64], gradient: &[f64], steps: &mut [f64]) -> DMatrix<f64> {
-        let hessian = self.differences(objective, x, gradient, steps);
+    fn hessian(
+        &self,
+        objective: &dyn Objective,
+        x: &[f64],
+        gradient: &[f64],
+        steps: &mut [f64],
+        known: Option<&DMatrix<f64>>,
+    ) -> DMatrix<f64> {
+        let hessian = self.differences(objective, x, gradient, steps, known);
         let fitting = |i: usize| {
             let curvature: f64 = hessian[(i, i)];
             if curvature > 0.0 { (STEP_ERRORS / curvature.sqrt()).clamp(STEPS.1, STEPS.0) } else { STEPS.0 }
@@ -80,25 +87,44 @@ impl Groups {
         let fitting: Vec<f64> = (0..x.len()).map(fitting).collect();
         let too_long = steps.iter().zip(&fitting).any(|(step, fitting)| *step > FAR_TOO_LONG * fitting);
         steps.copy_from_slice(&fitting);
-        if too_long { self.differences(objective, x, gradient, steps) } else { hessian }
+        if too_long { self.differences(objective, x, gradient, steps, known) } else { hessian }
     }
 
-    fn differences(&self, objective: &dyn Objective, x: &[f64], gradient: &[f64], steps: &[f64]) -> DMatrix<f64> {
+    fn differences(
+        &self,
+        objective: &dyn Objective,
+        x: &[f64],
+        gradient: &[f64],
+        steps: &[f64],
+        known: Option<&DMatrix<f64>>,
+    ) -> DMatrix<f64> {
         let n = x.len();
+        let n_known = known.map_or(0, DMatrix::nrows);
         let mut hessian = DMatrix::zeros(n, n);
         let differences: Vec<Vec<f64>> = self
             .0
             .iter()
             .map(|group| {
+                if group.numbers.end <= n_known {
+                    return vec![];
+                }
                 let mut moved = x.to_vec();
                 group.numbers.clone().for_each(|i| moved[i] += steps[i]);
                 let (_, there) = objective.evaluate(&moved);
                 there.iter().zip(gradient).map(|(there, here)| there - here).collect()
             })
             .collect();
-        for (a, d) in self.0.iter().zip(&differences) {
+        for (a, d) in self.0.iter().zip(&differences).filter(|(_, d)| !d.is_empty()) {
             for b in &self.0 {
                 let (i, j) = (&a.numbers, &b.numbers);
+                if j.end <= n_known {
+                    // What is known does not move; its interaction with several numbers that move at once is not looked at.
+                    if a.over == Extent::One {
+                        let entry = d[j.start] / steps[i.start];
+                        (hessian[(i.start, j.start)], hessian[(j.start, i.start)]) = (entry, entry);
+                    }
+                    continue;
+                }
                 match (a.over, b.over) {
                     // Two single numbers: each moves once, and the two differences are averaged below.
                     (Extent::One, Extent::One) => hessian[(i.start, j.start)] = d[j.start] / steps[i.start],
@@ -116,6 +142,9 @@ impl Groups {
                 }
             }
         }
+        if let Some(known) = known {
+            hessian.view_mut((0, 0), (n_known, n_known)).copy_from(known);
+        }
         (&hessian + hessian.transpose()) * 0.5
     }
 
@@ -123,30 +152,39 @@ impl Groups {
     pub fn curvature(&self, objective: &dyn Objective, x: &[f64]) -> DMatrix<f64> {
         let (_, gradient) = objective.evaluate(x);
         let mut steps = vec![STEPS.0; x.len()];
-        self.hessian(objective, x, &gradient, &mut steps);
-        let forwards = self.differences(objective, x, &gradient, &steps);
+        self.hessian(objective, x, &gradient, &mut steps, None);
+        let forwards = self.differences(objective, x, &gradient, &steps, None);
         steps.iter_mut().for_each(|step| *step = -*step);
-        (forwards + self.differences(objective, x, &gradient, &steps)) * 0.5
+        (forwards + self.differences(objective, x, &gradient, &steps, None)) * 0.5
     }
 
     /// Searches a minimum from `x`, until a step promises too little to be worth the effort.
     ///
     /// The Hessian is worked out where the search starts and wherever it proves wrong, and updated between (Broyden, Fletcher, Goldfarb
     /// and Shanno: Nocedal and Wright, Numerical Optimization, 2006, section 6.1).
-    pub fn minimise(&self, objective: &dyn Objective, x: &[f64], effort: Effort) -> Minimum {
+    ///
+    /// The Hessian of the first numbers may be known where the search starts.
+    pub fn minimise(
+        &self,
+        objective: &dyn Objective,
+        x: &[f64],
+        effort: Effort,
+        known: Option<&DMatrix<f64>>,
+    ) -> Minimum {
         let mut x = x.to_vec();
         let (mut value, mut gradient) = objective.evaluate(&x);
         let mut reach = LONGEST;
         let mut lengths = vec![STEPS.0; x.len()];
-        let mut hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths));
-        let mut fresh = true;
+        let first = self.hessian(objective, &x, &gradient, &mut lengths, known);
+        let mut hessian = positive(&first);
+        let mut fresh = known.is_none();
         for _ in 0..effort.steps {
             let eigen = SymmetricEigen::new(hessian.clone());
             let along = eigen.eigenvectors.transpose() * DVector::from_column_slice(&gradient);
             let full = DVector::from_fn(along.len(), |i, _| -along[i] / eigen.eigenvalues[i].max(1e-12));
             // Whether a step was taken, and kept what it promised.
             let mut taken = None;
-            for attempt in 0..6 {
+            for attempt in 0..5 {
                 // Each direction by itself, so that one that is flat does not hold back those that are known.
                 let step = &eigen.eigenvectors * full.map(|along| along.clamp(-reach, reach));
                 let promised = -DVector::from_column_slice(&gradient).dot(&step);
@@ -172,7 +210,7 @@ impl Groups {
             }
             fresh = taken != Some(true);
             if fresh {
-                hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths));
+                hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths, None));
             }
         }
         Minimum { x, value }

@@ -272,7 +272,7 @@ mod tests {
 
     use super::*;
     use crate::closed_loop::data::Batch;
-    use crate::closed_loop::fit::{EXACT, Free, On, Rays, fit};
+    use crate::closed_loop::fit::{Free, Manner, On, Rays, fit};
     use crate::closed_loop::model::{SensorModel, Term};
     use crate::effects::trial::{measured_by, sensor};
 
@@ -315,7 +315,7 @@ mod tests {
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);
         let free = [noise, Free::all(Term::new(Arc::new(table), sensor.rings().len()))];
         let model = SensorModel {
-            terms: fit(&ideal, &free, &On { batches: &refs, channels: acts_on, rays: Rays::All }, &[], EXACT).terms,
+            terms: fit(&ideal, &free, &On { batches: &refs, channels: acts_on, rays: Rays::All }, Manner::EXACT).terms,
         };
         let (mut sum, mut rays) = (0.0, 0.0);
         for batch in &data {

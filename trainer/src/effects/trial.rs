@@ -11,7 +11,7 @@ use scene::{Motion, Pose, cast};
 
 use super::{Effect, Image, draw::NOISE_CHANNELS};
 use crate::closed_loop::data::{Batch, Pair, batches};
-use crate::closed_loop::fit::{EXACT, Fitted, Free, On, Rays, fit, stderr};
+use crate::closed_loop::fit::{Fitted, Free, Manner, On, Rays, fit, stderr};
 use crate::closed_loop::improve::evidence;
 use crate::closed_loop::model::{SensorModel, Term};
 
@@ -48,14 +48,14 @@ impl Trial {
         let ideal = SensorModel::ideal(rings);
         let ideal = ideal.clone().with_noise_of(&evidence(&ideal, &refs));
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);
-        let level = SensorModel { terms: fit(&ideal, &[noise], &on, &[], EXACT).terms };
+        let level = SensorModel { terms: fit(&ideal, &[noise], &on, Manner::EXACT).terms };
         let noise = Free::noise(level.terms[0].clone(), acts_on);
         let starts = term.effect.starts(&evidence(&level, &refs));
         let starts = starts.iter().map(|start| term.clone().at(start));
         let starts: Vec<Term> = if starts.len() == 0 { vec![term] } else { starts.collect() };
         let from = |term: Term| {
             let widths: &[f64] = if term.is_geometric() { &[0.3, 0.06] } else { &[] };
-            fit(&level, &[noise.clone(), Free::all(term)], &on, widths, EXACT)
+            fit(&level, &[noise.clone(), Free::all(term)], &on, Manner { widths, ..Manner::EXACT })
         };
         let fits = starts.into_iter().map(from);
         let fitted: Fitted = fits.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood)).expect("a start");
