@@ -8,7 +8,7 @@ use super::improve::evidence;
 use super::model::SensorModel;
 use super::screen::{Dependence, Screening};
 use crate::effects::smooth_table::{SmoothTable, Target};
-use crate::effects::{Channel, Covariate, Effect};
+use crate::effects::{Channel, Covariate, Effect, Evidence, Image};
 
 /// Knots along a single covariate, and along each of two.
 const KNOTS: [usize; 2] = [12, 7];
@@ -37,37 +37,55 @@ pub struct Table {
     pub trial: Trial,
 }
 
-/// The tables that explain most of a channel's residual: of one covariate if that is nearly as good as of two. `None` where nothing
-/// depends on anything.
-pub fn best_table(model: &SensorModel, halves: &Halves<'_>, screening: &Screening, channel: Channel) -> Option<Table> {
-    let depends =
-        |d: &&Dependence| d.channel == channel && d.q_value < 0.05 && d.share > LEAST_SHARE && !d.covariates.is_empty();
-    let of = |n: usize| screening.dependences.iter().filter(depends).filter(move |d| d.covariates.len() == n);
-    let mut tried: Vec<Table> = of(1).take(SINGLES).filter_map(|d| table(model, halves, d)).collect();
-    tried.extend(of(2).take(1).filter_map(|d| table(model, halves, d)));
-    let most = tried.iter().map(|t| t.trial.gain.value).fold(f64::NEG_INFINITY, f64::max);
-    tried.into_iter().filter(|t| most > 0.0 && t.trial.gain.value >= NEARLY_AS_GOOD * most).min_by(|a, b| {
-        let simple = a.covariates.len().cmp(&b.covariates.len());
-        simple.then(b.trial.gain.value.total_cmp(&a.trial.gain.value))
-    })
+/// The tables that a model could have.
+#[derive(Debug)]
+pub struct Tables<'a> {
+    model: &'a SensorModel,
+    halves: &'a Halves<'a>,
+    screening: &'a Screening,
+    evidence: Evidence,
+    images: Vec<Image>,
 }
 
-/// Fits and scores a table over what a dependence names.
-fn table(model: &SensorModel, halves: &Halves<'_>, dependence: &Dependence) -> Option<Table> {
-    let target = target(dependence.channel)?;
-    let images: Vec<_> = halves.batches[0].iter().map(|batch| model.forward(batch.image.clone())).collect();
-    let knots = KNOTS[dependence.covariates.len() - 1];
-    let effect: Arc<dyn Effect> = Arc::new(SmoothTable::new(target, &dependence.covariates, &images, knots));
-    if model.has(effect.about().name) {
-        return None;
+impl<'a> Tables<'a> {
+    /// For a model, from what its screening says.
+    pub fn new(model: &'a SensorModel, halves: &'a Halves<'a>, screening: &'a Screening) -> Self {
+        let images = halves.batches[0].iter().map(|batch| model.forward(batch.image.clone())).collect();
+        Self { model, halves, screening, evidence: evidence(model, &halves.batches[0]), images }
     }
-    Some(Table {
-        channel: dependence.channel,
-        covariates: dependence.covariates.clone(),
-        share: dependence.share,
-        q_value: dependence.q_value,
-        trial: Trial::of(model, &effect, halves, &evidence(model, &halves.batches[0])),
-    })
+
+    /// The table that explains most of a channel's residual: of one covariate if that is nearly as good as of two. `None` where nothing
+    /// depends on anything.
+    pub fn best(&self, channel: Channel) -> Option<Table> {
+        let depends = |d: &&Dependence| {
+            d.channel == channel && d.q_value < 0.05 && d.share > LEAST_SHARE && !d.covariates.is_empty()
+        };
+        let of = |n: usize| self.screening.dependences.iter().filter(depends).filter(move |d| d.covariates.len() == n);
+        let mut tried: Vec<Table> = of(1).take(SINGLES).filter_map(|d| self.table(d)).collect();
+        tried.extend(of(2).take(1).filter_map(|d| self.table(d)));
+        let most = tried.iter().map(|t| t.trial.gain.value).fold(f64::NEG_INFINITY, f64::max);
+        tried.into_iter().filter(|t| most > 0.0 && t.trial.gain.value >= NEARLY_AS_GOOD * most).min_by(|a, b| {
+            let simple = a.covariates.len().cmp(&b.covariates.len());
+            simple.then(b.trial.gain.value.total_cmp(&a.trial.gain.value))
+        })
+    }
+
+    /// Fits and scores a table over what a dependence names.
+    fn table(&self, dependence: &Dependence) -> Option<Table> {
+        let target = target(dependence.channel)?;
+        let knots = KNOTS[dependence.covariates.len() - 1];
+        let effect: Arc<dyn Effect> = Arc::new(SmoothTable::new(target, &dependence.covariates, &self.images, knots));
+        if self.model.has(effect.about().name) {
+            return None;
+        }
+        Some(Table {
+            channel: dependence.channel,
+            covariates: dependence.covariates.clone(),
+            share: dependence.share,
+            q_value: dependence.q_value,
+            trial: Trial::of(self.model, &effect, self.halves, &self.evidence),
+        })
+    }
 }
 
 /// What a table changes to mend a channel; nothing mends returns that no surface explains.

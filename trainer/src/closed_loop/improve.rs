@@ -3,7 +3,7 @@
 
 use burn::tensor::Tensor;
 
-use super::black_box::{Table, best_table};
+use super::black_box::{Table, Tables};
 use super::candidate::{Halves, Trial};
 use super::data::Batch;
 use super::fit::{Free, Manner, On, Rays, fit, score, stderr};
@@ -157,8 +157,9 @@ impl Search<'_> {
         // Several effects have no excuse: a single table that is better than all of them knows what they do not.
         let enough = if names.len() > 1 { 1.0 } else { HOLDS_ITS_OWN };
         let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
+        let tables = Tables::new(&without, &halves, &screening);
         let better = channels(acts_on)
-            .filter_map(|channel| best_table(&without, &halves, &screening, channel))
+            .filter_map(|channel| tables.best(channel))
             .filter(|t| passes(&t.trial, t.q_value, halves.rays))
             .filter(|t| named.gain.value < enough * t.trial.gain.value && !named.is_as_good_as(&t.trial))
             .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
@@ -184,8 +185,9 @@ impl Search<'_> {
         for _ in 0..MOST_TABLES {
             let halves = Halves::new(&self.model, self.batches.clone());
             let screening = screen(&self.model, &self.all, SEED);
+            let tables = Tables::new(&self.model, &halves, &screening);
             let best = channels(ActsOn::ALL)
-                .filter_map(|channel| best_table(&self.model, &halves, &screening, channel))
+                .filter_map(|channel| tables.best(channel))
                 .filter(|t| passes(&t.trial, t.q_value, halves.rays) && !self.is_form_of_found(t))
                 .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
             let Some(table) = best else { return };
