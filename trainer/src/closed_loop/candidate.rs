@@ -35,6 +35,8 @@ struct Baseline {
     noise: Term,
     /// Hessian of its numbers there.
     hessian: DMatrix<f64>,
+    /// Log-likelihoods of the first half, with that noise floor.
+    own: Score,
     /// Log-likelihoods of each half's blocks, with the noise floor of the other half.
     scores: [Vec<Score>; 2],
 }
@@ -46,6 +48,7 @@ impl Baseline {
         let fitted = [0, 1].map(|half| model.with(&fit(model, &noise, &on(half), Manner::TRIAL).terms));
         let noise = fitted[0].terms[0].clone();
         Self {
+            own: score(&fitted[0], &batches[0], rays).into_iter().fold(Score::default(), Score::and),
             hessian: hessian(&fitted[0], &[Free::all(noise.clone())], &on(0)),
             scores: [score(&fitted[1], &batches[0], rays), score(&fitted[0], &batches[1], rays)],
             noise,
@@ -114,7 +117,7 @@ impl Trial {
         // A guess is near enough: wide normals would lead away from a needle.
         let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
         let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
-        let nothing: f64 = before.scores[0].iter().map(|s| s.of(acts_on)).sum();
+        let nothing = before.own.of(acts_on);
         if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
             // The way through widened normals led astray.
             tries.extend(starts.iter().map(|start| attempt(start, &[])));
@@ -218,8 +221,8 @@ fn widths(evidence: &Evidence, acts_on: ActsOn) -> Vec<f64> {
     let mut widest: Option<(f64, f64)> = None;
     let mut consider = |residuals: Vec<f32>| {
         let of = |q| Evidence::quantile(residuals.iter().map(|r| r.abs()), q).unwrap_or(0.0);
-        let (most, core) = (of(0.95), of(0.5) / 0.674_5);
-        if most > 2.6 * core && widest.is_none_or(|(w, _)| most > w) {
+        let (most, core) = (of(0.85), of(0.5) / 0.674_5);
+        if most > 2.0 * core && widest.is_none_or(|(w, _)| most > w) {
             widest = Some((most, core.max(1e-3)));
         }
     };

@@ -89,6 +89,17 @@ impl Score {
             + part(acts_on.returns, self.returns)
     }
 
+    /// Both together; the scene is no longer one.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            scene: 0,
+            range: self.range + other.range,
+            reflectance: self.reflectance + other.reflectance,
+            returns: self.returns + other.returns,
+        }
+    }
+
     /// All of it.
     pub fn total(&self) -> f64 {
         self.of(ActsOn::ALL)

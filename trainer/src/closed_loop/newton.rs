@@ -19,6 +19,9 @@ const FAR_TOO_LONG: f64 = 4.0;
 /// Longest step along a direction, in the same units.
 const LONGEST: f64 = 10.0;
 
+/// How often a step is shortened.
+const ATTEMPTS: usize = 5;
+
 /// Share of what a step promised that it has to keep for the second derivatives to be worth updating rather than working out anew.
 const KEPT: f64 = 0.5;
 
@@ -177,17 +180,21 @@ impl Groups {
         let mut lengths = vec![STEPS.0; x.len()];
         let first = self.hessian(objective, &x, &gradient, &mut lengths, known);
         let mut hessian = positive(&first);
-        let mut fresh = known.is_none();
+        let mut trust = Trust::Fresh;
         for _ in 0..effort.steps {
-            let eigen = SymmetricEigen::new(hessian.clone());
-            let along = eigen.eigenvectors.transpose() * DVector::from_column_slice(&gradient);
-            let full = DVector::from_fn(along.len(), |i, _| -along[i] / eigen.eigenvalues[i].max(1e-12));
-            // Whether a step was taken, and kept what it promised.
-            let mut taken = None;
-            for attempt in 0..5 {
-                // Each direction by itself, so that one that is flat does not hold back those that are known.
-                let step = &eigen.eigenvectors * full.map(|along| along.clamp(-reach, reach));
-                let promised = -DVector::from_column_slice(&gradient).dot(&step);
+            let newton = Newton::new(&hessian, &gradient);
+            if newton.step(LONGEST).1 < effort.tolerance {
+                break;
+            }
+            if trust == Trust::Lost {
+                hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths, None));
+                trust = Trust::Fresh;
+                continue;
+            }
+            let was = std::mem::replace(&mut trust, Trust::Lost);
+            let mut moved = false;
+            for attempt in 0..ATTEMPTS {
+                let (step, promised) = newton.step(reach);
                 if promised < effort.tolerance {
                     break;
                 }
@@ -195,25 +202,64 @@ impl Groups {
                 let (new_value, new_gradient) = objective.evaluate(&there);
                 if new_value.is_finite() && new_value < value {
                     let expected = promised - 0.5 * step.dot(&(&hessian * &step));
-                    taken = Some(attempt == 0 && value - new_value > KEPT * expected);
+                    if attempt == 0 && value - new_value > KEPT * expected {
+                        trust = Trust::Updated;
+                    }
                     let change =
                         DVector::from_iterator(x.len(), new_gradient.iter().zip(&gradient).map(|(a, b)| a - b));
                     update(&mut hessian, &step, &change);
                     (x, value, gradient) = (there, new_value, new_gradient);
                     reach = (2.0 * reach).min(LONGEST);
+                    moved = true;
                     break;
                 }
-                reach = 0.25 * reach.min(full.amax());
+                reach = 0.25 * reach.min(newton.longest());
             }
-            if taken.is_none() && fresh {
+            if !moved && was == Trust::Fresh {
                 break;
-            }
-            fresh = taken != Some(true);
-            if fresh {
-                hessian = positive(&self.hessian(objective, &x, &gradient, &mut lengths, None));
             }
         }
         Minimum { x, value }
+    }
+}
+
+/// How far a Hessian can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Trust {
+    /// It was worked out here.
+    Fresh,
+    /// It was updated along steps that kept what they promised.
+    Updated,
+    /// A step did not.
+    Lost,
+}
+
+/// Newton's step, along each eigenvector of the Hessian by itself.
+struct Newton {
+    directions: DMatrix<f64>,
+    along: DVector<f64>,
+    gradient: DVector<f64>,
+}
+
+impl Newton {
+    fn new(hessian: &DMatrix<f64>, gradient: &[f64]) -> Self {
+        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(hessian.clone());
+        let gradient = DVector::from_column_slice(gradient);
+        let slope = eigenvectors.transpose() * &gradient;
+        let along = slope.zip_map(&eigenvalues, |slope, curvature| -slope / curvature.max(1e-12));
+        Self { directions: eigenvectors, along, gradient }
+    }
+
+    /// The step, no longer than `reach` in any direction, so that one that is flat does not hold back those that are known; and by how
+    /// much the gradient promises to lower the value.
+    fn step(&self, reach: f64) -> (DVector<f64>, f64) {
+        let step = &self.directions * self.along.map(|along| along.clamp(-reach, reach));
+        let promised = -self.gradient.dot(&step);
+        (step, promised)
+    }
+
+    fn longest(&self) -> f64 {
+        self.along.amax()
     }
 }
 
