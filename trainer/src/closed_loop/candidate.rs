@@ -15,11 +15,19 @@ use crate::effects::{ActsOn, Effect, Evidence, Extent};
 /// for there has to be more than twice this on both halves held out.
 const LEAST_NATS_ON_A_HALF: f64 = 3.0;
 
+/// Least rays, and least batches, of the sample that every effect is tried on first.
+const SAMPLE: (f64, usize) = (65_536.0, 3);
+
+/// Share of the best effect's gain on the sample from which on an effect is worth more than a glance: it could be no winner.
+const WORTH_A_LOOK: f64 = 0.25;
+
 /// The scenes that effects are found and chosen on, in two halves that exchange their parts, and what the current model makes of them.
 #[derive(Debug)]
 pub struct Halves<'a> {
     /// The batches of each half.
     pub batches: [Vec<&'a Batch>; 2],
+    /// Some of the first half's.
+    sample: Vec<&'a Batch>,
     /// The current model on all rays.
     all: Baseline,
     /// The current model on settled rays.
@@ -31,29 +39,41 @@ pub struct Halves<'a> {
 /// What a candidate is compared with.
 #[derive(Clone, Debug)]
 struct Baseline {
-    /// Noise floor fitted to the first half.
+    /// Noise floor fitted to the sample.
     noise: Term,
     /// Hessian of its numbers there.
     hessian: DMatrix<f64>,
-    /// Log-likelihoods of the first half, with that noise floor.
-    own: Score,
+    /// Log-likelihoods of the sample, with that noise floor.
+    sample: Score,
     /// Log-likelihoods of each half's blocks, with the noise floor of the other half.
     scores: [Vec<Score>; 2],
 }
 
 impl Baseline {
-    fn new(model: &SensorModel, batches: &[Vec<&Batch>; 2], rays: Rays) -> Self {
+    fn new(model: &SensorModel, batches: &[Vec<&Batch>; 2], sample: &[&Batch], rays: Rays) -> Self {
         let noise = [Free::all(model.terms[0].clone())];
-        let on = |half: usize| On { batches: &batches[half], channels: ActsOn::ALL, rays };
-        let fitted = [0, 1].map(|half| model.with(&fit(model, &noise, &on(half), Manner::TRIAL).terms));
-        let noise = fitted[0].terms[0].clone();
+        let on = |batches| On { batches, channels: ActsOn::ALL, rays };
+        let with_noise_of = |batches| model.with(&fit(model, &noise, &on(batches), Manner::TRIAL).terms);
+        let [first, second] = batches.each_ref().map(|half| with_noise_of(half));
+        let of_sample = with_noise_of(sample);
+        let noise = of_sample.terms[0].clone();
         Self {
-            own: score(&fitted[0], &batches[0], rays).into_iter().fold(Score::default(), Score::and),
-            hessian: hessian(&fitted[0], &[Free::all(noise.clone())], &on(0)),
-            scores: [score(&fitted[1], &batches[0], rays), score(&fitted[0], &batches[1], rays)],
+            hessian: hessian(&of_sample, &[Free::all(noise.clone())], &on(sample)),
+            sample: score(&of_sample, sample, rays).into_iter().fold(Score::default(), Score::and),
+            scores: [score(&second, &batches[0], rays), score(&first, &batches[1], rays)],
             noise,
         }
     }
+}
+
+/// What a first fit on the sample says of an effect that a model lacks.
+#[derive(Clone, Debug)]
+pub struct Glance {
+    fitted: Fitted,
+    /// Gain a ray on the sample that it was fitted to.
+    pub gain: f64,
+    /// Whether no fit to more rays could be claimed.
+    pub is_hopeless: bool,
 }
 
 /// A candidate with its held-out gain.
@@ -69,15 +89,17 @@ pub struct Trial {
     pub parts: [f64; 3],
     /// Probability of such a gain where there is none.
     pub p_value: f64,
+    /// Whether only a sample was looked at: its gain is not held out, and is never claimed.
+    pub only_glanced: bool,
 }
 
 impl<'a> Halves<'a> {
     /// Scores a model on both halves.
     pub fn new(model: &SensorModel, batches: [Vec<&'a Batch>; 2]) -> Self {
-        let settled = Baseline::new(model, &batches, Rays::Settled);
-        let all = if model.moves_rays() { Baseline::new(model, &batches, Rays::All) } else { settled.clone() };
-        let rays = batches.iter().flatten().map(|b| b.observed.range_m.shape().num_elements() as f64).sum();
-        Self { batches, all, settled, rays }
+        let sample = sample(&batches[0]);
+        let settled = Baseline::new(model, &batches, &sample, Rays::Settled);
+        let all = if model.moves_rays() { Baseline::new(model, &batches, &sample, Rays::All) } else { settled.clone() };
+        Self { rays: batches.iter().map(|half| rays(half)).sum(), batches, sample, all, settled }
     }
 
     fn baseline(&self, rays: Rays) -> &Baseline {
@@ -93,45 +115,89 @@ impl<'a> Halves<'a> {
     }
 }
 
-impl Trial {
-    /// Fits and scores an effect that the model lacks.
-    pub fn of(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
+/// Rays of some batches.
+fn rays(batches: &[&Batch]) -> f64 {
+    batches.iter().map(|b| b.observed.range_m.shape().num_elements() as f64).sum()
+}
+
+/// Batches from all over the list, as many as a sample needs.
+fn sample<'a>(batches: &[&'a Batch]) -> Vec<&'a Batch> {
+    let each = rays(batches) / batches.len().max(1) as f64;
+    let wanted = ((SAMPLE.0 / each.max(1.0)).ceil() as usize).clamp(SAMPLE.1, batches.len().max(SAMPLE.1));
+    let wanted = wanted.min(batches.len());
+    (0..wanted).map(|i| batches[i * batches.len() / wanted]).collect()
+}
+
+impl Glance {
+    /// Fits an effect that the model lacks to the sample.
+    pub fn at(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
         let acts_on = effect.about().acts_on;
         let term = Term::new(Arc::clone(effect), evidence.rings);
         let guesses = effect.starts(evidence);
         let starts =
             if guesses.is_empty() { vec![term.clone()] } else { guesses.iter().map(|s| term.clone().at(s)).collect() };
-        let rays = Rays::of(&term);
-        let before = halves.baseline(rays);
+        let before = halves.baseline(Rays::of(&term));
         let noise = Free::noise(before.noise.clone(), acts_on);
-        let [first, second] = &halves.batches;
         let single = term.parameters.iter().all(|p| p.extent == Extent::One);
         let known = single
             .then(|| noise.parameters.clone())
             .map(|numbers| before.hessian.select_rows(&numbers).select_columns(&numbers));
-        let on = |batches| On { batches, channels: acts_on, rays };
+        let on = On { batches: &halves.sample, channels: acts_on, rays: Rays::of(&term) };
         let attempt = |start: &Term, widths: &[f64]| {
             let manner = Manner { widths, known: known.as_ref(), ..Manner::TRIAL };
-            fit(model, &[noise.clone(), Free::all(start.clone())], &on(first), manner)
+            fit(model, &[noise.clone(), Free::all(start.clone())], &on, manner)
         };
         // A guess is near enough: wide normals would lead away from a needle.
         let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
         let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
-        let nothing = before.own.of(acts_on);
+        let nothing = before.sample.of(acts_on);
         if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
             // The way through widened normals led astray.
             tries.extend(starts.iter().map(|start| attempt(start, &[])));
         }
-        let best = tries
+        let fitted = tries
             .into_iter()
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
             .unwrap_or_else(|| unreachable!("at least one start"));
-        if best.log_likelihood - nothing < LEAST_NATS_ON_A_HALF + 0.25 * term.fitted.len() as f64 {
-            return Self::hopeless(best.terms[1].clone(), halves);
-        }
-        let free = [Free::noise(best.terms[0].clone(), acts_on), Free::all(best.terms[1].clone())];
-        let other = fit(model, &free, &on(second), Manner::TRIAL);
-        Self::exchanged(best.terms[1].clone(), acts_on, model, [&best, &other], halves)
+        let gain = (fitted.log_likelihood - nothing) / rays(&halves.sample);
+        let of_half = gain * rays(&halves.batches[0]);
+        let least = LEAST_NATS_ON_A_HALF + 0.25 * term.fitted.len() as f64;
+        Self { fitted, gain, is_hopeless: of_half.is_nan() || of_half < least }
+    }
+
+    /// Of several, those that are worth a look at all scenes.
+    pub fn worth_a_look(glances: &[Self]) -> Vec<bool> {
+        let most = glances.iter().map(|g| g.gain).fold(0.0, f64::max);
+        glances.iter().map(|g| !g.is_hopeless && g.gain >= WORTH_A_LOOK * most).collect()
+    }
+}
+
+impl Trial {
+    /// Fits and scores an effect that the model lacks; one that a glance shows to be hopeless is not looked at any further.
+    pub fn of(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
+        let glance = Glance::at(model, effect, halves, evidence);
+        if glance.is_hopeless { Self::not_tried(glance, halves) } else { Self::after(model, glance, halves) }
+    }
+
+    /// Fits and scores what was glanced at.
+    pub fn after(model: &SensorModel, glance: Glance, halves: &Halves<'_>) -> Self {
+        let Fitted { terms, .. } = glance.fitted;
+        let acts_on = terms[1].effect.about().acts_on;
+        let fitted = |terms: &[Term], half: usize| {
+            let on = On { batches: &halves.batches[half], channels: acts_on, rays: Rays::of(&terms[1]) };
+            let free = [Free::noise(terms[0].clone(), acts_on), Free::all(terms[1].clone())];
+            fit(model, &free, &on, Manner::TRIAL)
+        };
+        let first = fitted(&terms, 0);
+        let second = fitted(&first.terms, 1);
+        Self::exchanged(first.terms[1].clone(), acts_on, model, [&first, &second], halves)
+    }
+
+    /// What was only glanced at, with the gain that the glance says.
+    pub fn not_tried(glance: Glance, halves: &Halves<'_>) -> Self {
+        let blocks = halves.all.scores.iter().flatten().map(|score| Block { scene: score.scene, sum: 0.0 }).collect();
+        let gain = Interval { value: glance.gain, ci95: [glance.gain; 2] };
+        Self { term: glance.fitted.terms[1].clone(), gain, parts: [0.0; 3], p_value: 1.0, blocks, only_glanced: true }
     }
 
     /// Several effects that a model lacks, fitted together from where they are; named and sized by the first.
@@ -165,12 +231,6 @@ impl Trial {
         Self::from_scores(term, acts_on, &halves.baseline(rays).scores, halves.rays, &after)
     }
 
-    /// An effect that is not worth a look at the other half.
-    fn hopeless(term: Term, halves: &Halves<'_>) -> Self {
-        let blocks = halves.all.scores.iter().flatten().map(|score| Block { scene: score.scene, sum: 0.0 }).collect();
-        Self { term, gain: Interval::default(), parts: [0.0; 3], p_value: 1.0, blocks }
-    }
-
     fn from_scores(term: Term, acts_on: ActsOn, before: &[Vec<Score>; 2], rays: f64, after: &[Vec<Score>; 2]) -> Self {
         let mut parts = [0.0; 3];
         let mut blocks = Vec::new();
@@ -182,7 +242,7 @@ impl Trial {
             parts[2] += of(acts_on.returns, after.returns - before.returns);
         }
         let gain = interval(&blocks, rays, 1);
-        Self { term, gain, parts, p_value: p_value(&blocks), blocks }
+        Self { term, gain, parts, p_value: p_value(&blocks), blocks, only_glanced: false }
     }
 
     /// Whether every parameter is one that a sensor could have.

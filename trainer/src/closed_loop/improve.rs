@@ -1,17 +1,19 @@
 //! The loop itself: try every effect that the model lacks, add the best that holds its own, refit all, drop what no longer earns its
 //! place, and stop when nothing passes.
 
+use std::sync::Arc;
+
 use burn::tensor::Tensor;
 
 use super::black_box::{Table, Tables};
-use super::candidate::{Halves, Trial};
+use super::candidate::{Glance, Halves, Trial};
 use super::data::Batch;
 use super::fit::{Free, Manner, On, Rays, fit, score, stderr};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
 use super::screen::{Screening, screen};
 use super::significance::benjamini_hochberg;
-use crate::effects::{ActsOn, Channel, Evidence, library};
+use crate::effects::{ActsOn, Channel, Effect, Evidence, library};
 
 /// False discoveries among the claims.
 const FALSE_DISCOVERIES: f64 = 0.05;
@@ -269,6 +271,7 @@ impl Judged {
             gain_nats_per_pixel: self.trial.gain,
             q_value: self.q_value,
             passed: self.passed,
+            only_glanced: self.trial.only_glanced,
         }
     }
 }
@@ -300,21 +303,25 @@ fn channels(acts_on: ActsOn) -> impl Iterator<Item = Channel> {
     .flatten()
 }
 
-/// Fits every term that the model lacks.
+/// Fits every effect that the model lacks: all to a sample, those that could win to everything.
 fn try_all(model: &SensorModel, halves: &Halves<'_>, progress: Progress<'_>) -> Vec<Trial> {
     let evidence = evidence(model, &halves.batches[0]);
-    library()
-        .iter()
-        .filter(|effect| !model.has(effect.about().name))
-        .map(|effect| {
-            progress(effect.about().name);
-            Trial::of(model, effect, halves, &evidence)
-        })
-        .collect()
+    let lacks = library().into_iter().filter(|effect| !model.has(effect.about().name));
+    let glance = |effect: Arc<dyn Effect>| {
+        progress(effect.about().name);
+        Glance::at(model, &effect, halves, &evidence)
+    };
+    let glances: Vec<Glance> = lacks.map(glance).collect();
+    let worth_a_look = Glance::worth_a_look(&glances);
+    let look = |(glance, worth): (Glance, bool)| {
+        if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(glance, halves) }
+    };
+    glances.into_iter().zip(worth_a_look).map(look).collect()
 }
 
 fn passes(trial: &Trial, q: f64, rays: f64) -> bool {
-    q < FALSE_DISCOVERIES
+    !trial.only_glanced
+        && q < FALSE_DISCOVERIES
         && trial.gain.value > LEAST_GAIN
         && trial.gain.value * rays > LEAST_NATS + 0.5 * trial.size() as f64
         && trial.gain.ci95[0] > 0.0

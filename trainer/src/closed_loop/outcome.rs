@@ -61,6 +61,8 @@ pub struct Candidate {
     pub q_value: f64,
     /// Whether it passed everything that a claim asks for.
     pub passed: bool,
+    /// Whether it was tried on a sample only, to which its gain was fitted: others gained far more, or it gained next to nothing.
+    pub only_glanced: bool,
 }
 
 /// An effect that the model has, and what it is worth.

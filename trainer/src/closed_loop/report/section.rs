@@ -326,8 +326,8 @@ pub(super) fn rounds(report: &Report) -> String {
         return out;
     }
     format!(
-        "<section>\n<h2>Rounds</h2>\n<p>Every effect that the model lacks was fitted on one half of the scenes and scored on the other, and the other way \
-         round. One that passes gains more likelihood than chance (q &lt; 0.05), more than a minimum, and keeps within plausible numbers.</p>\n{out}</section>\n"
+        "<section>\n<h2>Rounds</h2>\n<p>Every effect that the model lacks was fitted to a sample; those that could win, on one half of the scenes and scored on the \
+         other, and the other way round. One that passes gains more likelihood than chance (q &lt; 0.05), more than a minimum, and keeps within plausible numbers.</p>\n{out}</section>\n"
     )
 }
 
@@ -337,11 +337,16 @@ fn candidates(round: &Round) -> String {
         let (gain, ends) = interval(&c.gain_nats_per_pixel, nats);
         let _ = writeln!(
             rows,
-            "<tr{}><th>{}</th><td><b>{gain}</b><small>{ends}</small></td><td>{}</td><td>{}</td></tr>",
+            "<tr{}><th>{}</th><td><b>{gain}</b><small>{}</small></td><td>{}</td><td>{}</td></tr>",
             if c.passed { "" } else { " class=\"failed\"" },
             escaped(c.name.replace('_', " ")),
-            chance(c.q_value),
-            if c.passed { "passes" } else { "does not pass" }
+            if c.only_glanced { String::new() } else { ends },
+            if c.only_glanced { "–".into() } else { chance(c.q_value) },
+            match (c.passed, c.only_glanced) {
+                (true, _) => "passes",
+                (false, false) => "does not pass",
+                (false, true) => "sample only",
+            }
         );
     }
     let more = round.candidates.len().saturating_sub(CANDIDATES);

@@ -83,6 +83,7 @@ fn report() -> Report {
         gain_nats_per_pixel: around(gain, 0.05),
         q_value,
         passed,
+        only_glanced: false,
     };
     let pieces = (0..RINGS)
         .map(|k| Piece {
