@@ -11,6 +11,9 @@ const AT_M: f64 = 10.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IncidenceStretch;
 
+/// Mean and standard deviation of tan α, up to 10, where nothing shows the angle: see [`log_cosine`] for how such angles are distributed.
+const UNKNOWN_TAN: (f64, f64) = (1.5, 1.5);
+
 impl Effect for IncidenceStretch {
     fn about(&self) -> About {
         About {
@@ -34,18 +37,21 @@ impl Effect for IncidenceStretch {
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        // Where nothing shows the angle, nothing is stretched.
         let (log_cosine, variance) = log_cosine(&image);
-        let cosine = log_cosine.mask_fill(variance.greater_elem(0.0), 0.0).exp();
+        let unknown = variance.greater_elem(0.0);
+        let cosine = log_cosine.exp();
         let tan = (cosine.clone().square() * -1.0 + 1.0).clamp_min(1e-6).sqrt() / cosine;
         // A minimum without a corner.
         let over = (tan.clone() / values.one(3)).clamp(1e-3, 1e3);
         let tan = tan / ((over.log() * 8.0).clamp_max(40.0).exp() + 1.0).log().div_scalar(8.0).exp();
+        let tan = tan.mask_fill(unknown.clone(), UNKNOWN_TAN.0);
         let far = (image.surface.range_m.clone().clamp_min(1e-2) / AT_M).log() * values.one(2).clamp(-4.0, 4.0);
-        let stretch = tan * far.exp();
+        let far = far.exp();
+        let stretch = tan * far.clone();
         image.report.range_m = image.report.range_m + stretch.clone() * values.one(0);
         let spread = stretch * values.one(1);
-        image.report.range_sigma_m = (image.report.range_sigma_m.square() + spread.square()).sqrt();
+        let doubt = far * unknown.float() * values.one(0) * UNKNOWN_TAN.1;
+        image.report.range_sigma_m = (image.report.range_sigma_m.square() + spread.square() + doubt.square()).sqrt();
         image
     }
 }
