@@ -30,8 +30,16 @@ const MOST_ROUNDS: usize = 6;
 /// Most tables that are added.
 const MOST_TABLES: usize = 3;
 
-/// Share of a table's gain that an effect has to reach to hold its own.
-const HOLDS_ITS_OWN: f64 = 0.8;
+/// Share of a table's gain that an effect has to reach to hold its own; against a table over nothing but its own covariates, which says no
+/// more than that its form is not exact, the second.
+const HOLDS_ITS_OWN: [f64; 2] = [0.8, 0.5];
+
+/// Share of the gain of an effect that moves rays below which whatever else seems to be missing may be what an image does not know of the
+/// surfaces that moved rays hit.
+const DOUBT_OF_SURFACES: f64 = 0.003;
+
+/// The same of an effect over the angle of incidence, which an image shows only roughly.
+const DOUBT_OF_INCIDENCE: f64 = 0.01;
 
 /// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
 const FORM: f64 = 0.05;
@@ -88,7 +96,7 @@ impl Search<'_> {
             let mut judged: Vec<Judged> = trials
                 .into_iter()
                 .zip(q)
-                .map(|(trial, q_value)| Judged { passed: passes(&trial, q_value, halves.rays), trial, q_value })
+                .map(|(trial, q_value)| Judged { passed: self.passes(&trial, q_value, halves.rays), trial, q_value })
                 .collect();
             judged.sort_by(|a, b| b.trial.gain.value.total_cmp(&a.trial.gain.value));
             let choice = choose(&judged);
@@ -109,6 +117,34 @@ impl Search<'_> {
             self.model = refitted(&self.model, &self.all);
             self.drop_idle(newest);
         }
+    }
+
+    /// Whether a candidate may be claimed.
+    fn passes(&self, trial: &Trial, q: f64, rays: f64) -> bool {
+        !trial.only_glanced
+            && q < FALSE_DISCOVERIES
+            && trial.gain.value > LEAST_GAIN.max(self.doubt(trial))
+            && trial.gain.value * rays > LEAST_NATS + 0.5 * trial.size() as f64
+            && trial.gain.ci95[0] > 0.0
+            && trial.is_plausible()
+    }
+
+    /// What a candidate could gain because the image knows less than the effects that were found before it would need.
+    fn doubt(&self, trial: &Trial) -> f64 {
+        let of = |found: &Found| {
+            let about = found.term.effect.about();
+            let share = if found.term.is_geometric() {
+                DOUBT_OF_SURFACES
+            } else if about.covariates.contains(&"incidence")
+                && about.acts_on.overlaps(trial.term.effect.about().acts_on)
+            {
+                DOUBT_OF_INCIDENCE
+            } else {
+                0.0
+            };
+            share * found.gain.value
+        };
+        self.found.iter().filter(|found| found.term.name() != trial.name()).map(of).fold(0.0, f64::max)
     }
 
     /// Drops effects whose absence the others make up for; the newest has just been found to be needed.
@@ -157,13 +193,18 @@ impl Search<'_> {
         let named = Trial::of_all(&without, &terms, &halves);
         let screening = screen(&without, &self.all, SEED);
         // Several effects have no excuse: a single table that is better than all of them knows what they do not.
-        let enough = if names.len() > 1 { 1.0 } else { HOLDS_ITS_OWN };
+        let own = terms[0].effect.about().covariates;
+        let enough = |table: &Table| match names.len() {
+            1 if table.covariates.iter().all(|c| own.contains(&c.name())) => HOLDS_ITS_OWN[1],
+            1 => HOLDS_ITS_OWN[0],
+            _ => 1.0,
+        };
         let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
         let tables = Tables::new(&without, &halves, &screening);
         let better = channels(acts_on)
             .filter_map(|channel| tables.best(channel))
-            .filter(|t| passes(&t.trial, t.q_value, halves.rays))
-            .filter(|t| named.gain.value < enough * t.trial.gain.value && !named.is_as_good_as(&t.trial))
+            .filter(|t| self.passes(&t.trial, t.q_value, halves.rays))
+            .filter(|t| named.gain.value < enough(t) * t.trial.gain.value && !named.is_as_good_as(&t.trial))
             .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
         let Some(table) = better else { return false };
         let they = if names.len() > 1 { "they do not hold their" } else { "it does not hold its" };
@@ -190,7 +231,7 @@ impl Search<'_> {
             let tables = Tables::new(&self.model, &halves, &screening);
             let best = channels(ActsOn::ALL)
                 .filter_map(|channel| tables.best(channel))
-                .filter(|t| passes(&t.trial, t.q_value, halves.rays) && !self.is_form_of_found(t))
+                .filter(|t| self.passes(&t.trial, t.q_value, halves.rays) && !self.is_form_of_found(t))
                 .max_by(|a, b| a.trial.gain.value.total_cmp(&b.trial.gain.value));
             let Some(table) = best else { return };
             let decision = format!("add {}: no effect of the library explains it", table.trial.name());
@@ -317,15 +358,6 @@ fn try_all(model: &SensorModel, halves: &Halves<'_>, progress: Progress<'_>) -> 
         if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(glance, halves) }
     };
     glances.into_iter().zip(worth_a_look).map(look).collect()
-}
-
-fn passes(trial: &Trial, q: f64, rays: f64) -> bool {
-    !trial.only_glanced
-        && q < FALSE_DISCOVERIES
-        && trial.gain.value > LEAST_GAIN
-        && trial.gain.value * rays > LEAST_NATS + 0.5 * trial.size() as f64
-        && trial.gain.ci95[0] > 0.0
-        && trial.is_plausible()
 }
 
 /// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.

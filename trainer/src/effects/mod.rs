@@ -197,6 +197,11 @@ impl ActsOn {
     /// All of them.
     pub const ALL: Self = Self { range: true, reflectance: true, returns: true };
 
+    /// Whether there is one that both change.
+    pub fn overlaps(self, other: Self) -> bool {
+        (self.range && other.range) || (self.reflectance && other.reflectance) || (self.returns && other.returns)
+    }
+
     /// What either acts on.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
