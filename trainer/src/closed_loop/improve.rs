@@ -41,6 +41,9 @@ const DOUBT_OF_SURFACES: f64 = 0.003;
 /// The same of an effect over the angle of incidence, which an image shows only roughly.
 const DOUBT_OF_INCIDENCE: f64 = 0.01;
 
+/// The same of a table, whose knots follow what it stands for only so closely.
+const DOUBT_OF_TABLES: f64 = 0.02;
+
 /// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
 const FORM: f64 = 0.05;
 
@@ -131,20 +134,24 @@ impl Search<'_> {
 
     /// What a candidate could gain because the image knows less than the effects that were found before it would need.
     fn doubt(&self, trial: &Trial) -> f64 {
+        let acts_on = trial.term.effect.about().acts_on;
         let of = |found: &Found| {
             let about = found.term.effect.about();
             let share = if found.term.is_geometric() {
                 DOUBT_OF_SURFACES
-            } else if about.covariates.contains(&"incidence")
-                && about.acts_on.overlaps(trial.term.effect.about().acts_on)
-            {
+            } else if about.covariates.contains(&"incidence") && about.acts_on.overlaps(acts_on) {
                 DOUBT_OF_INCIDENCE
             } else {
                 0.0
             };
             share * found.gain.value
         };
-        self.found.iter().filter(|found| found.term.name() != trial.name()).map(of).fold(0.0, f64::max)
+        let of_table = |table: &Table| {
+            let overlaps = table.trial.term.effect.about().acts_on.overlaps(acts_on);
+            if overlaps { DOUBT_OF_TABLES * table.trial.gain.value } else { 0.0 }
+        };
+        let others = self.found.iter().filter(|found| found.term.name() != trial.name());
+        others.map(of).chain(self.tables.iter().map(of_table)).fold(0.0, f64::max)
     }
 
     /// Drops effects whose absence the others make up for; the newest has just been found to be needed.
@@ -166,8 +173,8 @@ impl Search<'_> {
     /// a channel together first, for several mimics may each make up for what the others lack; then each by itself. Whether any was.
     fn replace_mimics(&mut self) -> bool {
         let mut replaced = false;
-        for channel in channels(ActsOn::ALL) {
-            let of_channel = |f: &&Found| channels(f.term.effect.about().acts_on).eq([channel]);
+        for acts_on in [ActsOn::RANGE, ActsOn::REFLECTANCE, ActsOn::RETURNS] {
+            let of_channel = |f: &&Found| f.term.effect.about().acts_on == acts_on;
             let names: Vec<&'static str> = self.found.iter().filter(of_channel).map(|f| f.term.name()).collect();
             if names.len() > 1 {
                 replaced |= self.replace_if_mimics(&names);

@@ -126,8 +126,9 @@ impl Covariate {
         }
     }
 
-    /// At most `number` places at which a function of it is given, ascending: every class; evenly spaced where its values are; else such
-    /// that as many values lie between any two.
+    /// At most `number` places at which a function of it is given, ascending: every class and every ring
+    /// (which have channels of their own), whatever their number; evenly spaced where its values are; else such that as many values lie
+    /// between any two.
     pub fn knots(self, mut values: Vec<f32>, number: usize) -> Vec<f32> {
         let number = number.max(2);
         if let Some(period) = self.period() {
@@ -137,8 +138,8 @@ impl Covariate {
         values.sort_unstable_by(f32::total_cmp);
         let (Some(first), Some(last)) = (values.first().copied(), values.last().copied()) else { return vec![0.0] };
         let mut knots: Vec<f32> = match self {
-            Self::Class => values,
-            Self::Ring | Self::SweepPhase | Self::Frame => {
+            Self::Class | Self::Ring => values,
+            Self::SweepPhase | Self::Frame => {
                 (0..number).map(|k| first + (last - first) * k as f32 / (number - 1) as f32).collect()
             }
             _ => (0..number).map(|k| values[k * (values.len() - 1) / (number - 1)]).collect(),
