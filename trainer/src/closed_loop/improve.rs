@@ -1,6 +1,7 @@
 //! The loop itself: try every effect that the model lacks, add the best that holds its own, refit all, drop what no longer earns its
 //! place, and stop when nothing passes.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
@@ -12,7 +13,7 @@ use super::fit::{Free, Manner, On, Rays, fit, score, stderr};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
 use super::screen::{Screening, screen};
-use super::significance::benjamini_hochberg;
+use super::significance::{benjamini_hochberg, few_scenes};
 use crate::effects::{ActsOn, Channel, Effect, Evidence, library};
 
 /// False discoveries among the claims.
@@ -376,11 +377,14 @@ fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
     if model.moves_rays() { fitted(&model, &free(&model, |term| !term.is_geometric()), Rays::Settled) } else { model }
 }
 
-/// Standard errors of every number of a fitted model, in the units of its parameters.
+/// Standard errors of every number of a fitted model, in the units of its parameters, widened as few scenes want it.
 fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
+    let scenes = batches.iter().map(|b| b.scene).collect::<BTreeSet<_>>().len();
+    let wider = if scenes < 3 { 1.0 } else { few_scenes(scenes as f64 - 1.0) };
     let errors = |free: &[Free], rays| {
         let stderr = stderr(model, free, &On { batches, channels: ActsOn::ALL, rays });
-        free.iter().zip(stderr).map(|(f, stderr)| f.term.physical_stderr(&stderr)).collect::<Vec<_>>()
+        let widened = |stderr: Vec<f64>| stderr.iter().map(|e| e * wider).collect::<Vec<_>>();
+        free.iter().zip(stderr).map(|(f, stderr)| f.term.physical_stderr(&widened(stderr))).collect::<Vec<_>>()
     };
     let mut out = errors(&free(model, |_| true), Rays::All);
     if model.moves_rays() {
