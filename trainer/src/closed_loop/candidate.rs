@@ -176,7 +176,7 @@ impl Trial {
     /// Fits and scores an effect that the model lacks; one that a glance shows to be hopeless is not looked at any further.
     pub fn of(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
         let glance = Glance::at(model, effect, halves, evidence);
-        if glance.is_hopeless { Self::not_tried(glance, halves) } else { Self::after(model, glance, halves) }
+        if glance.is_hopeless { Self::not_tried(&glance, halves) } else { Self::after(model, glance, halves) }
     }
 
     /// Fits and scores what was glanced at.
@@ -194,18 +194,15 @@ impl Trial {
     }
 
     /// What was only glanced at, with the gain that the glance says.
-    pub fn not_tried(glance: Glance, halves: &Halves<'_>) -> Self {
+    pub fn not_tried(glance: &Glance, halves: &Halves<'_>) -> Self {
         let blocks = halves.all.scores.iter().flatten().map(|score| Block { scene: score.scene, sum: 0.0 }).collect();
         let gain = Interval { value: glance.gain, ci95: [glance.gain; 2] };
         Self { term: glance.fitted.terms[1].clone(), gain, parts: [0.0; 3], p_value: 1.0, blocks, only_glanced: true }
     }
 
     /// Several effects that a model lacks, fitted together from where they are; named and sized by the first.
-    ///
-    /// # Panics
-    /// If there is none.
     pub fn of_all(model: &SensorModel, terms: &[Term], halves: &Halves<'_>) -> Self {
-        let acts_on = terms.iter().map(|t| t.effect.about().acts_on).reduce(ActsOn::or).expect("an effect");
+        let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
         let mut free = vec![Free::noise(model.terms[0].clone(), acts_on)];
         free.extend(terms.iter().cloned().map(Free::all));
         let fitted = |half: &Vec<&Batch>| {

@@ -363,7 +363,7 @@ fn try_all(model: &SensorModel, halves: &Halves<'_>, progress: Progress<'_>) -> 
     let glances: Vec<Glance> = lacks.map(glance).collect();
     let worth_a_look = Glance::worth_a_look(&glances);
     let look = |(glance, worth): (Glance, bool)| {
-        if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(glance, halves) }
+        if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(&glance, halves) }
     };
     glances.into_iter().zip(worth_a_look).map(look).collect()
 }

@@ -164,7 +164,9 @@ impl Groups {
             *step = (STEP_ERRORS / rough[(i, i)].max(1e-12).sqrt()).clamp(*step, FARTHEST);
         }
         let forwards = self.differences(objective, x, &gradient, &steps, None);
-        steps.iter_mut().for_each(|step| *step = -*step);
+        for step in &mut steps {
+            *step = -*step;
+        }
         (forwards + self.differences(objective, x, &gradient, &steps, None)) * 0.5
     }
 
