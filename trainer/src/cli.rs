@@ -2,6 +2,7 @@
 
 mod benchmark;
 mod calibrate;
+mod elevation;
 
 use std::path::PathBuf;
 
@@ -41,6 +42,8 @@ enum Command {
     Calibrate(CalibrateArgs),
     /// Estimate a spinning sensor from its scans, and report the points that projections lose.
     Sensor(SensorArgs),
+    /// Measure from the ground in scans of a drive, without a simulator, by how much the sensor's rays point too high or too low.
+    Elevation(elevation::ElevationArgs),
     /// Hide known defects from the closed loop and count how often it finds them.
     BenchmarkLoop(BenchmarkArgs),
 }
@@ -164,6 +167,7 @@ impl Cli {
             }
             Command::BenchmarkLoop(args) => args.run()?,
             Command::Calibrate(args) => args.run()?,
+            Command::Elevation(args) => args.run()?,
             Command::Sensor(args) => {
                 let report = sensor_report::report(&args.scans, &load_sensor(&args.builtin)?)?;
                 println!("{}", report.table);
