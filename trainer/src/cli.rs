@@ -3,6 +3,7 @@
 mod benchmark;
 mod calibrate;
 mod elevation;
+mod unpaired;
 
 use std::path::PathBuf;
 
@@ -40,6 +41,8 @@ enum Command {
     Simulate(SimulateArgs),
     /// Find what a sensor does that its model lacks, and add it to the model.
     Calibrate(CalibrateArgs),
+    /// The same for real scans without simulated twins, against simulated scans of other places: fewer effects can be seen.
+    CalibrateUnpaired(unpaired::UnpairedArgs),
     /// Estimate a spinning sensor from its scans, and report the points that projections lose.
     Sensor(SensorArgs),
     /// Measure from the ground in scans of a drive, without a simulator, by how much the sensor's rays point too high or too low.
@@ -167,6 +170,7 @@ impl Cli {
             }
             Command::BenchmarkLoop(args) => args.run()?,
             Command::Calibrate(args) => args.run()?,
+            Command::CalibrateUnpaired(args) => args.run()?,
             Command::Elevation(args) => args.run()?,
             Command::Sensor(args) => {
                 let report = sensor_report::report(&args.scans, &load_sensor(&args.builtin)?)?;

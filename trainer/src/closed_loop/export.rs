@@ -19,7 +19,7 @@ use crate::effects::{Image, NOISE_CHANNELS, Rays, Simulated, Values};
 use crate::sets::PairedSet;
 
 /// What the licence field says where nobody said anything.
-const NO_LICENCE: &str = "not stated";
+pub(super) const NO_LICENCE: &str = "not stated";
 
 /// The numbers of a model's effects as they are in the graph: `effects.1.0` is the first parameter of the effect after the noise floor.
 #[derive(Module, Debug)]
@@ -188,7 +188,7 @@ fn notes(base: &Base, outcome: &Outcome) -> String {
 }
 
 /// A name that a server takes: one path component of plain characters.
-fn servable_name(name: &str) -> String {
+pub(super) fn servable_name(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
     let name: String = name.trim_start_matches('.').chars().map(plain).take(64).collect();
     if name.is_empty() { "calibrated".into() } else { name }

@@ -25,3 +25,4 @@ pub mod resample;
 pub mod screen;
 pub mod significance;
 pub mod split;
+pub mod unpaired;

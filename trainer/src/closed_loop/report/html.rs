@@ -5,7 +5,7 @@ use std::fmt::Display;
 use super::section;
 use super::{Report, Verdict};
 
-const STYLE: &str = include_str!("style.css");
+pub(in crate::closed_loop) const STYLE: &str = include_str!("style.css");
 
 /// The whole page; it needs no other file and no script.
 pub(super) fn page(report: &Report) -> anyhow::Result<String> {
@@ -70,6 +70,6 @@ pub(super) fn page(report: &Report) -> anyhow::Result<String> {
 }
 
 /// Text that a browser shows as it is.
-pub(super) fn escaped(text: impl Display) -> String {
+pub(in crate::closed_loop) fn escaped(text: impl Display) -> String {
     text.to_string().replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

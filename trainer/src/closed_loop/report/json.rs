@@ -10,7 +10,7 @@ use crate::closed_loop::screen::{Dependence, EffectCurve};
 use crate::effects::Channel;
 
 /// Version of the layout.
-const SCHEMA: u32 = 1;
+pub(in crate::closed_loop) const SCHEMA: u32 = 1;
 
 /// Dependences that are listed of each screening: the strongest.
 const LISTED: usize = 40;
@@ -54,7 +54,7 @@ struct Frames {
 }
 
 #[derive(Serialize)]
-struct Effect<'a> {
+pub(in crate::closed_loop) struct Effect<'a> {
     name: &'static str,
     channel: Channel,
     covariates: &'static [&'static str],
@@ -116,7 +116,7 @@ impl<'a> Document<'a> {
 }
 
 impl<'a> Effect<'a> {
-    fn new(found: &'a Found) -> Self {
+    pub(in crate::closed_loop) fn new(found: &'a Found) -> Self {
         let about = found.term.effect.about();
         Self {
             name: about.name,

@@ -1,12 +1,12 @@
 //! What a person and other programs read of a loop: `report.json`, `report.html` and a few sentences.
 
-mod html;
-mod json;
-mod numbers;
+pub(super) mod html;
+pub(super) mod json;
+pub(super) mod numbers;
 mod picture;
-mod plot;
+pub(super) mod plot;
 mod section;
-mod words;
+pub(super) mod words;
 
 use std::path::Path;
 

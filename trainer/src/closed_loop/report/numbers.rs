@@ -6,7 +6,7 @@ use crate::closed_loop::outcome::Interval;
 const HALF: f64 = 1.96;
 
 /// A length: in m, cm or mm, two or three digits.
-pub(super) fn length(m: f64) -> String {
+pub(in crate::closed_loop) fn length(m: f64) -> String {
     let (scaled, unit) = match m.abs() {
         x if x >= 0.995 => (m, "m"),
         x if x >= 0.00995 => (m * 100.0, "cm"),
@@ -16,7 +16,7 @@ pub(super) fn length(m: f64) -> String {
 }
 
 /// A number with this many significant digits, no exponent where it can be helped.
-pub(super) fn digits(x: f64, significant: usize) -> String {
+pub(in crate::closed_loop) fn digits(x: f64, significant: usize) -> String {
     if x == 0.0 || !x.is_finite() {
         return if x == 0.0 { "0".into() } else { "–".into() };
     }
@@ -28,7 +28,7 @@ pub(super) fn digits(x: f64, significant: usize) -> String {
 }
 
 /// A value with its 95 % interval: as many places as the half-width's first digit asks for.
-pub(super) fn with_error(value: f64, stderr: f64, unit: &str) -> String {
+pub(in crate::closed_loop) fn with_error(value: f64, stderr: f64, unit: &str) -> String {
     let half = HALF * stderr;
     if !(half.is_finite() && half > 0.0) {
         return format!("{}{unit}", digits(value, 3));
@@ -43,17 +43,17 @@ pub(super) fn with_error(value: f64, stderr: f64, unit: &str) -> String {
 }
 
 /// An interval: value and ends, in one unit.
-pub(super) fn interval(of: &Interval, show: impl Fn(f64) -> String) -> (String, String) {
+pub(in crate::closed_loop) fn interval(of: &Interval, show: impl Fn(f64) -> String) -> (String, String) {
     (show(of.value), format!("{} to {}", show(of.ci95[0]), show(of.ci95[1])))
 }
 
 /// A gain in nats a ray, per thousand rays.
-pub(super) fn gain(nats: f64) -> String {
+pub(in crate::closed_loop) fn gain(nats: f64) -> String {
     digits(nats * 1e3, 3)
 }
 
 /// A share in percent.
-pub(super) fn percent(share: f64) -> String {
+pub(in crate::closed_loop) fn percent(share: f64) -> String {
     match share * 100.0 {
         x if !x.is_finite() => "–".into(),
         x if x.abs() >= 10.0 => minus(&format!("{x:.0} %")),
@@ -62,7 +62,7 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 /// A probability of chance.
-pub(super) fn chance(q: f64) -> String {
+pub(in crate::closed_loop) fn chance(q: f64) -> String {
     if q < 0.001 { "under 0.001".into() } else { format!("{q:.3}") }
 }
 

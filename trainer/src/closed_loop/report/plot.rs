@@ -115,7 +115,7 @@ fn axis(covariate: Covariate) -> String {
 }
 
 /// Some five round numbers within.
-fn ticks((low, high): (f64, f64)) -> Vec<f64> {
+pub(in crate::closed_loop) fn ticks((low, high): (f64, f64)) -> Vec<f64> {
     let rough = (high - low) / 5.0;
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= rough).unwrap_or(rough);
@@ -124,18 +124,18 @@ fn ticks((low, high): (f64, f64)) -> Vec<f64> {
 }
 
 /// Logarithms of 1, 2 and 5 times powers of ten within; of the powers alone where these are enough.
-fn decades((low, high): (f64, f64)) -> Vec<f64> {
+pub(in crate::closed_loop) fn decades((low, high): (f64, f64)) -> Vec<f64> {
     let steps: &[f64] = if high - low > 5.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
     let all = (-4..5).flat_map(|power| steps.iter().map(move |m| (m * 10f64.powi(power)).ln()));
     all.filter(|x| (low..=high).contains(x)).collect()
 }
 
-fn tick(x: f64) -> String {
+pub(in crate::closed_loop) fn tick(x: f64) -> String {
     let rounded = (x * 1e6).round() / 1e6;
     format!("{rounded}").replace('-', "−")
 }
 
-fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+pub(in crate::closed_loop) fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values
         .filter(|v| v.is_finite())
         .fold(None, |found, v| Some(found.map_or((v, v), |(low, high): (f64, f64)| (low.min(v), high.max(v)))))

@@ -26,7 +26,7 @@ pub(super) fn summary(report: &Report) -> String {
 }
 
 /// What the sensor does, as a sentence.
-pub(super) fn found(found: &Found) -> String {
+pub(in crate::closed_loop) fn found(found: &Found) -> String {
     let does = filled(found.term.effect.about().does, &found.term, &found.stderr);
     let ties = match found.ties.as_slice() {
         [] => String::new(),
@@ -61,6 +61,7 @@ fn filled(does: &str, term: &Term, stderr: &[f64]) -> String {
         let after = &text[at + place.len()..];
         let unit = match () {
             () if parameter.name.ends_with("_deg") && !after.starts_with('°') => "°",
+            () if parameter.name.ends_with("_per_m") => "",
             () if parameter.name.ends_with("_m") && !after.starts_with(" m") => " m",
             () => "",
         };
