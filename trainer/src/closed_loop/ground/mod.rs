@@ -31,6 +31,9 @@ const BASELINE_M: f64 = 3.0;
 /// Scans farther apart than this see too little of the same ground.
 const FARTHEST_M: f64 = 12.0;
 
+/// Half a 95 % interval, in standard errors.
+const HALF: f64 = 1.96;
+
 /// Fewer patches tell nothing.
 const LEAST_PATCHES: usize = 100;
 
@@ -177,9 +180,9 @@ fn combine(told: &[Told]) -> Option<Elevation> {
 }
 
 impl GroundReport {
-    /// What was found and what it is worth, in plain words.
+    /// What was found and what it is worth, in plain words, with 95 % intervals.
     pub fn sentences(&self) -> Vec<String> {
-        let number = |e: &Elevation| format!("{:+.3}° ± {:.3}°", e.offset_deg, e.stderr_deg);
+        let number = |e: &Elevation| format!("{:+.3}° ± {:.3}°", e.offset_deg, HALF * e.stderr_deg);
         let mut out = Vec::new();
         if let (Some(flat), Some(curved)) = (&self.single, &self.single_on_curved_ground) {
             out.push(format!(

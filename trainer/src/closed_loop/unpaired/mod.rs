@@ -43,7 +43,7 @@ use self::covariate::View;
 use self::detection::together;
 use self::evidence::Evidence;
 use self::parts::Parts;
-use self::traces::Traces;
+use self::traces::{FALSE_CLAIMS, Traces};
 use super::significance::benjamini_hochberg;
 use crate::sets::{LoneScan, UnpairedSet};
 
@@ -91,13 +91,7 @@ pub fn compare(set: &UnpairedSet, seed: u64) -> Finding {
         view.rings_differ = rings_differ;
         view.makes = Makes::default();
     }
-    let both = [Over::Range, Over::Incidence].map(|over| steps.traces(over, &simulated, &measured));
-    let better = usize::from(both[1].nats() > both[0].nats());
-    let (better, other) = (&both[better], &both[1 - better]);
-    let ties: Vec<String> = better.ties_with(other).then(|| other.name().to_owned()).into_iter().collect();
-    steps.decide(better, &ties);
-    let other = steps.traces(other.over(), &simulated, &measured);
-    steps.decide(&other, &[]);
+    steps.fade(&simulated, &measured);
 
     // Power is that of the reflectance as it was before the sensor's doing.
     let mut makes = steps.views[1].makes.clone();
@@ -138,6 +132,31 @@ impl Steps<'_> {
     fn traces(&self, over: Over, simulated: &Half, measured: &Half) -> Traces {
         let [a, b] = &self.views;
         Traces::new(over, [simulated, measured], [a, b], self.parts, self.seed)
+    }
+
+    /// Tries what fades with range and with the angle, which on the ground and along every wall change together: the better one first, the
+    /// other beside it; and the first goes if beside the other it no longer earns its place.
+    fn fade(&mut self, simulated: &Half, measured: &Half) {
+        let [range, incidence] = [Over::Range, Over::Incidence].map(|over| self.traces(over, simulated, measured));
+        let (better, other) = if range.nats() > incidence.nats() { (range, incidence) } else { (incidence, range) };
+        let tie = |name: &str| if better.ties_with(&other) { vec![name.to_owned()] } else { vec![] };
+        let first = self.decide(&better, &tie(other.name()));
+        let beside = self.traces(other.over(), simulated, measured);
+        self.decide(&beside, &[]);
+        if !first || beside.p() > FALSE_CLAIMS {
+            return;
+        }
+        let before = self.views[1].makes.clone();
+        self.views[1].makes = Makes::default();
+        other.enter(&mut self.views[1].makes);
+        let again = self.traces(better.over(), simulated, measured);
+        if again.passes(again.p()) {
+            self.views[1].makes = before;
+        } else {
+            self.tried.truncate(self.tried.len() - 2);
+            self.decide(&other, &tie(better.name()));
+            self.decide(&again, &[]);
+        }
     }
 
     /// Claims an effect or does not, those that are still to come counting as tried without success; what is claimed is undone from here on.

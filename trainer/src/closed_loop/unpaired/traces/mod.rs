@@ -17,7 +17,7 @@ use super::parts::Parts;
 use crate::closed_loop::significance::{Block, p_value};
 
 /// Largest share of false claims.
-const FALSE_CLAIMS: f64 = 0.05;
+pub(super) const FALSE_CLAIMS: f64 = 0.05;
 
 /// A ring or bin of which a half knows less, in cells a scan, is not shown.
 const LEAST_KNOWN: f64 = 2.0;
