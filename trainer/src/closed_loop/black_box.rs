@@ -3,8 +3,9 @@
 
 use std::sync::Arc;
 
-use super::candidate::{Halves, Trial};
-use super::improve::evidence;
+use super::candidate::Trial;
+use super::evidence::evidence;
+use super::halves::Halves;
 use super::model::SensorModel;
 use super::screen::{Dependence, Screening};
 use crate::effects::smooth_table::{SmoothTable, Target};

@@ -1,20 +1,19 @@
 //! The loop itself: try every effect that the model lacks, add the best that holds its own, refit all, drop what no longer earns its
 //! place, and stop when nothing passes.
 
-use std::collections::BTreeSet;
-use std::sync::Arc;
-
-use burn::tensor::Tensor;
-
 use super::black_box::{Table, Tables};
-use super::candidate::{Glance, Halves, Trial};
+use super::candidate::{Trial, try_all};
 use super::data::Batch;
-use super::fit::{Free, Manner, On, Rays, fit, score, stderr};
+use super::evidence::evidence;
+use super::halves::Halves;
+use super::judged::{Judged, choose};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
+use super::refit::{physical_stderr, refitted};
+use super::score::{Scope, total};
 use super::screen::{Screening, screen};
-use super::significance::{benjamini_hochberg, few_scenes};
-use crate::effects::{ActsOn, Channel, Effect, Evidence, library};
+use super::significance::benjamini_hochberg;
+use crate::effects::{ActsOn, Channel};
 
 /// False discoveries among the claims.
 const FALSE_DISCOVERIES: f64 = 0.05;
@@ -157,17 +156,21 @@ impl Search<'_> {
 
     /// Drops effects whose absence the others make up for; the newest has just been found to be needed.
     fn drop_idle(&mut self, newest: &str) {
-        let older: Vec<&str> = self.found.iter().map(|f| f.term.name()).filter(|name| *name != newest).collect();
-        for name in older {
+        let older = self.model.effects().iter().filter(|t| t.name() != newest && self.is_found(t.name()));
+        for term in older.cloned().collect::<Vec<Term>>() {
+            let (name, scope) = (term.name(), Scope::of(&term));
             let without = refitted(&self.model.without(name), &self.all);
-            let size = self.model.terms.iter().find(|t| t.name() == name).map_or(0, |t| t.fitted.len());
-            let rays = self.model.terms.iter().find(|t| t.name() == name).map_or(Rays::All, Rays::of);
-            if total(&self.model, &self.all, rays) - total(&without, &self.all, rays) < LEAST_NATS + size as f64 {
+            let gain = total(&self.model, &self.all, scope) - total(&without, &self.all, scope);
+            if gain < LEAST_NATS + term.fitted.len() as f64 {
                 (self.progress)(&format!("drop {name}: the others make up for it"));
                 self.found.retain(|f| f.term.name() != name);
                 self.model = without;
             }
         }
+    }
+
+    fn is_found(&self, name: &str) -> bool {
+        self.found.iter().any(|found| found.term.name() == name)
     }
 
     /// Effects that a table in their place beats are mimics of something that has no name: the table takes their place. All effects of
@@ -183,7 +186,7 @@ impl Search<'_> {
         }
         let newest_first: Vec<&'static str> = self.found.iter().rev().map(|f| f.term.name()).collect();
         for name in newest_first {
-            if self.found.iter().any(|f| f.term.name() == name) {
+            if self.is_found(name) {
                 replaced |= self.replace_if_mimics(&[name]);
             }
         }
@@ -306,39 +309,6 @@ impl Search<'_> {
     }
 }
 
-/// A candidate, and whether it may be claimed.
-struct Judged {
-    trial: Trial,
-    q_value: f64,
-    passed: bool,
-}
-
-impl Judged {
-    fn candidate(&self) -> Candidate {
-        Candidate {
-            name: self.trial.name().into(),
-            gain_nats_per_pixel: self.trial.gain,
-            q_value: self.q_value,
-            passed: self.passed,
-            only_glanced: self.trial.only_glanced,
-        }
-    }
-}
-
-/// Of those that explain the data as well as the best, the simplest; the others that are no more complicated are its ties.
-fn choose(judged: &[Judged]) -> Option<(&Judged, Vec<String>)> {
-    let best = judged.iter().find(|j| j.passed)?;
-    let as_good: Vec<&Judged> =
-        judged.iter().filter(|j| j.passed && (std::ptr::eq(*j, best) || j.trial.is_as_good_as(&best.trial))).collect();
-    let winner = as_good.iter().min_by_key(|j| j.trial.size()).copied()?;
-    let ties = as_good
-        .iter()
-        .filter(|j| !std::ptr::eq(**j, winner) && j.trial.size() <= winner.trial.size())
-        .map(|j| j.trial.name().to_owned())
-        .collect();
-    Some((winner, ties))
-}
-
 /// The channels of which a table could take the place of an effect.
 fn channels(acts_on: ActsOn) -> impl Iterator<Item = Channel> {
     let of = |on: bool, channel: Channel| on.then_some(channel);
@@ -350,83 +320,4 @@ fn channels(acts_on: ActsOn) -> impl Iterator<Item = Channel> {
     ]
     .into_iter()
     .flatten()
-}
-
-/// Fits every effect that the model lacks: all to a sample, those that could win to everything.
-fn try_all(model: &SensorModel, halves: &Halves<'_>, progress: Progress<'_>) -> Vec<Trial> {
-    let evidence = evidence(model, &halves.batches[0]);
-    let lacks = library().into_iter().filter(|effect| !model.has(effect.about().name));
-    let glance = |effect: Arc<dyn Effect>| {
-        progress(effect.about().name);
-        Glance::at(model, &effect, halves, &evidence)
-    };
-    let glances: Vec<Glance> = lacks.map(glance).collect();
-    let worth_a_look = Glance::worth_a_look(&glances);
-    let look = |(glance, worth): (Glance, bool)| {
-        if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(&glance, halves) }
-    };
-    glances.into_iter().zip(worth_a_look).map(look).collect()
-}
-
-/// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.
-fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
-    let fitted = |model: &SensorModel, free: &[Free], rays| {
-        model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, rays }, Manner::EXACT).terms)
-    };
-    let model = fitted(model, &free(model, |_| true), Rays::All);
-    if model.moves_rays() { fitted(&model, &free(&model, |term| !term.is_geometric()), Rays::Settled) } else { model }
-}
-
-/// Standard errors of every number of a fitted model, in the units of its parameters, widened as few scenes want it.
-fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
-    let scenes = batches.iter().map(|b| b.scene).collect::<BTreeSet<_>>().len();
-    let wider = if scenes < 3 { 1.0 } else { few_scenes(scenes as f64 - 1.0) };
-    let errors = |free: &[Free], rays| {
-        let stderr = stderr(model, free, &On { batches, channels: ActsOn::ALL, rays });
-        let widened = |stderr: Vec<f64>| stderr.iter().map(|e| e * wider).collect::<Vec<_>>();
-        free.iter().zip(stderr).map(|(f, stderr)| f.term.physical_stderr(&widened(stderr))).collect::<Vec<_>>()
-    };
-    let mut out = errors(&free(model, |_| true), Rays::All);
-    if model.moves_rays() {
-        let settled = errors(&free(model, |term| !term.is_geometric()), Rays::Settled);
-        let others = model.terms.iter().zip(&mut out).filter(|(term, _)| !term.is_geometric());
-        others.zip(settled).for_each(|((_, place), settled)| *place = settled);
-    }
-    out
-}
-
-/// Terms of a model with all their numbers free.
-fn free(model: &SensorModel, which: impl Fn(&Term) -> bool) -> Vec<Free> {
-    model.terms.iter().filter(|term| which(term)).cloned().map(Free::all).collect()
-}
-
-/// Log-likelihood of everything, in nats.
-fn total(model: &SensorModel, batches: &[&Batch], rays: Rays) -> f64 {
-    score(model, batches, rays).iter().map(super::fit::Score::total).sum()
-}
-
-/// What the model predicts and what was measured, side by side.
-pub fn evidence(model: &SensorModel, batches: &[&Batch]) -> Evidence {
-    let mut out = Evidence::default();
-    for batch in batches {
-        let image = model.forward(batch.image.clone());
-        let [frames, rings, columns] = batch.observed.range_m.dims();
-        (out.rings, out.columns) = (rings, columns);
-        out.elevation_rad = numbers(&image.rays.elevation_rad).into_iter().map(f64::from).collect();
-        let full = |x: &Tensor<3>| numbers(&x.clone().expand([frames, rings, columns]));
-        let hit = image.surface.hit.clone();
-        out.range_m.extend(full(&(image.report.range_m.clone() * hit)));
-        out.reflectance.extend(full(&image.report.reflectance));
-        out.surface_reflectance.extend(full(&image.surface.reflectance));
-        out.cos_incidence.extend(full(&image.surface.cos_incidence));
-        out.class.extend(full(&image.surface.class));
-        out.reported.extend(full(&image.reported()));
-        out.measured_range_m.extend(numbers(&batch.observed.range_m));
-        out.measured_reflectance.extend(numbers(&batch.observed.reflectance));
-    }
-    out
-}
-
-fn numbers(x: &Tensor<3>) -> Vec<f32> {
-    x.clone().into_data().iter::<f32>().collect()
 }

@@ -272,8 +272,9 @@ mod tests {
 
     use super::*;
     use crate::closed_loop::data::Batch;
-    use crate::closed_loop::fit::{Free, Manner, On, Rays, fit};
+    use crate::closed_loop::fit::{Free, Manner, On, fit};
     use crate::closed_loop::model::{SensorModel, Term};
+    use crate::closed_loop::score::Scope;
     use crate::effects::trial::{measured_by, sensor};
 
     /// An error of the range, the reflectance or the returns that the library has no name for.
@@ -315,7 +316,8 @@ mod tests {
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);
         let free = [noise, Free::all(Term::new(Arc::new(table), sensor.rings().len()))];
         let model = SensorModel {
-            terms: fit(&ideal, &free, &On { batches: &refs, channels: acts_on, rays: Rays::All }, Manner::EXACT).terms,
+            terms: fit(&ideal, &free, &On { batches: &refs, channels: acts_on, scope: Scope::All }, Manner::EXACT)
+                .terms,
         };
         let (mut sum, mut rays) = (0.0, 0.0);
         for batch in &data {

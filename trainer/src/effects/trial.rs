@@ -11,9 +11,10 @@ use scene::{Motion, Pose, cast};
 
 use super::{Effect, Image, draw::NOISE_CHANNELS};
 use crate::closed_loop::data::{Batch, Pair, batches};
-use crate::closed_loop::fit::{Fitted, Free, Manner, On, Rays, fit, stderr};
-use crate::closed_loop::improve::evidence;
+use crate::closed_loop::evidence::evidence;
+use crate::closed_loop::fit::{Fitted, Free, Manner, On, fit, stderr};
 use crate::closed_loop::model::{SensorModel, Term};
+use crate::closed_loop::score::Scope;
 
 /// Streets in a trial, a frame each.
 const STREETS: u64 = 3;
@@ -44,7 +45,7 @@ impl Trial {
         let rings = sensor().rings().len();
         let term = Term::new(effect, rings);
         let acts_on = term.effect.about().acts_on;
-        let on = On { batches: &refs, channels: acts_on, rays: Rays::All };
+        let on = On { batches: &refs, channels: acts_on, scope: Scope::All };
         let ideal = SensorModel::ideal(rings);
         let ideal = ideal.clone().with_noise_of(&evidence(&ideal, &refs));
         let noise = Free::noise(ideal.terms[0].clone(), acts_on);

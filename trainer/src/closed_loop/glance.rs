@@ -1,0 +1,90 @@
+//! A first fit to a few scenes, to see which effects are worth a look at all of them.
+
+use std::sync::Arc;
+
+use super::fit::{Fitted, Free, Manner, On, fit};
+use super::halves::{Halves, rays};
+use super::model::{SensorModel, Term};
+use super::score::Scope;
+use crate::effects::{ActsOn, Effect, Evidence, Extent};
+
+/// Least gain on the half that an effect is fitted to, beside what its numbers gain by chance: an effect with less is never claimed,
+/// for there has to be more than twice this on both halves held out.
+const LEAST_NATS_ON_A_HALF: f64 = 3.0;
+
+/// Share of the best effect's gain on the sample from which on an effect is worth more than a glance: it could be no winner.
+const WORTH_A_LOOK: f64 = 0.25;
+
+/// What a first fit on the sample says of an effect that a model lacks.
+#[derive(Clone, Debug)]
+pub struct Glance {
+    /// The noise floor and the effect.
+    pub fitted: Fitted,
+    /// Gain a ray on the sample that it was fitted to.
+    pub gain: f64,
+    /// Whether no fit to more rays could be claimed.
+    pub is_hopeless: bool,
+}
+
+impl Glance {
+    /// Fits an effect that the model lacks to the sample.
+    pub fn at(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
+        let acts_on = effect.about().acts_on;
+        let term = Term::new(Arc::clone(effect), evidence.rings);
+        let guesses = effect.starts(evidence);
+        let starts =
+            if guesses.is_empty() { vec![term.clone()] } else { guesses.iter().map(|s| term.clone().at(s)).collect() };
+        let before = halves.baseline(Scope::of(&term));
+        let noise = Free::noise(before.noise.clone(), acts_on);
+        let single = term.parameters.iter().all(|p| p.extent == Extent::One);
+        let known = single
+            .then(|| noise.parameters.clone())
+            .map(|numbers| before.hessian.select_rows(&numbers).select_columns(&numbers));
+        let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::of(&term) };
+        let attempt = |start: &Term, widths: &[f64]| {
+            let manner = Manner { widths, known: known.as_ref(), ..Manner::TRIAL };
+            fit(model, &[noise.clone(), Free::all(start.clone())], &on, manner)
+        };
+        // A guess is near enough: wide normals would lead away from a needle.
+        let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
+        let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
+        let nothing = before.sample.of(acts_on);
+        if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
+            // The way through widened normals led astray.
+            tries.extend(starts.iter().map(|start| attempt(start, &[])));
+        }
+        let fitted = tries
+            .into_iter()
+            .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
+            .unwrap_or_else(|| unreachable!("at least one start"));
+        let gain = (fitted.log_likelihood - nothing) / rays(&halves.sample);
+        let of_half = gain * rays(&halves.batches[0]);
+        let least = LEAST_NATS_ON_A_HALF + 0.25 * term.fitted.len() as f64;
+        Self { fitted, gain, is_hopeless: of_half.is_nan() || of_half < least }
+    }
+
+    /// Of several, those that are worth a look at all scenes.
+    pub fn worth_a_look(glances: &[Self]) -> Vec<bool> {
+        let most = glances.iter().map(|g| g.gain).fold(0.0, f64::max);
+        glances.iter().map(|g| !g.is_hopeless && g.gain >= WORTH_A_LOOK * most).collect()
+    }
+}
+
+/// By how much a fit should begin with widened normals: not at all where the residual is what the noise floor says, else by what it
+/// reaches and by the geometric mean of that and the noise.
+fn widths(evidence: &Evidence, acts_on: ActsOn) -> Vec<f64> {
+    let residual = |i: usize| {
+        if acts_on.range {
+            evidence.measured_range_m[i] - evidence.range_m[i]
+        } else {
+            evidence.measured_reflectance[i] - evidence.reflectance[i]
+        }
+    };
+    if !acts_on.range && !acts_on.reflectance {
+        return vec![];
+    }
+    let of_surfaces = || evidence.pixels().filter(|i| evidence.returned(*i) && evidence.range_m[*i] > 0.0);
+    let of = |q| Evidence::quantile(of_surfaces().map(|i| residual(i).abs()), q).unwrap_or(0.0);
+    let (most, noise) = (of(0.85).min(1.0), (of(0.5) / 0.674_5).max(1e-3));
+    if most > 2.0 * noise { vec![most, (most * noise).sqrt()] } else { vec![] }
+}

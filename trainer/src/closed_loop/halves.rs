@@ -1,0 +1,93 @@
+//! The scenes that effects are found and chosen on.
+
+use nalgebra::DMatrix;
+
+use super::data::Batch;
+use super::fit::{Free, Manner, On, fit, hessian};
+use super::model::{SensorModel, Term};
+use super::score::{Scope, Score, score};
+use crate::effects::ActsOn;
+
+/// Least rays, and least batches, of the sample that every effect is tried on first.
+const SAMPLE: (f64, usize) = (65_536.0, 3);
+
+/// The scenes that effects are found and chosen on, in two halves that exchange their parts, and what the current model makes of them.
+#[derive(Debug)]
+pub struct Halves<'a> {
+    /// The batches of each half.
+    pub batches: [Vec<&'a Batch>; 2],
+    /// Some of the first half's.
+    pub sample: Vec<&'a Batch>,
+    /// The current model on all rays.
+    all: Baseline,
+    /// The current model on settled rays.
+    settled: Baseline,
+    /// Rays of both halves.
+    pub rays: f64,
+}
+
+/// What a candidate is compared with.
+#[derive(Clone, Debug)]
+pub struct Baseline {
+    /// Noise floor fitted to the sample.
+    pub noise: Term,
+    /// Hessian of its numbers there.
+    pub hessian: DMatrix<f64>,
+    /// Log-likelihoods of the sample, with that noise floor.
+    pub sample: Score,
+    /// Log-likelihoods of each half's blocks, with the noise floor of the other half.
+    pub scores: [Vec<Score>; 2],
+}
+
+impl Baseline {
+    fn new(model: &SensorModel, batches: &[Vec<&Batch>; 2], sample: &[&Batch], scope: Scope) -> Self {
+        let noise = [Free::all(model.terms[0].clone())];
+        let on = |batches| On { batches, channels: ActsOn::ALL, scope };
+        let with_noise_of = |batches| model.with(&fit(model, &noise, &on(batches), Manner::TRIAL).terms);
+        let [first, second] = batches.each_ref().map(|half| with_noise_of(half));
+        let of_sample = with_noise_of(sample);
+        let noise = of_sample.terms[0].clone();
+        Self {
+            hessian: hessian(&of_sample, &[Free::all(noise.clone())], &on(sample)),
+            sample: score(&of_sample, sample, scope).into_iter().fold(Score::default(), Score::and),
+            scores: [score(&second, &batches[0], scope), score(&first, &batches[1], scope)],
+            noise,
+        }
+    }
+}
+
+impl<'a> Halves<'a> {
+    /// Scores a model on both halves.
+    pub fn new(model: &SensorModel, batches: [Vec<&'a Batch>; 2]) -> Self {
+        let sample = sample(&batches[0]);
+        let settled = Baseline::new(model, &batches, &sample, Scope::Settled);
+        let all =
+            if model.moves_rays() { Baseline::new(model, &batches, &sample, Scope::All) } else { settled.clone() };
+        Self { rays: batches.iter().map(|half| rays(half)).sum(), batches, sample, all, settled }
+    }
+
+    /// The current model on these rays.
+    pub fn baseline(&self, scope: Scope) -> &Baseline {
+        match scope {
+            Scope::All => &self.all,
+            Scope::Settled => &self.settled,
+        }
+    }
+
+    /// Every batch.
+    pub fn all(&self) -> Vec<&'a Batch> {
+        self.batches.concat()
+    }
+}
+
+/// Rays of some batches.
+pub fn rays(batches: &[&Batch]) -> f64 {
+    batches.iter().map(|b| b.observed.range_m.shape().num_elements() as f64).sum()
+}
+
+/// Batches from all over the list, as many as a sample needs.
+fn sample<'a>(batches: &[&'a Batch]) -> Vec<&'a Batch> {
+    let share = SAMPLE.0 / rays(batches).max(1.0);
+    let wanted = ((share * batches.len() as f64).ceil() as usize).max(SAMPLE.1).min(batches.len());
+    (0..wanted).map(|i| batches[i * batches.len() / wanted]).collect()
+}

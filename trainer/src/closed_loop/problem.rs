@@ -1,0 +1,204 @@
+//! The likelihood of a model as a function of its free numbers.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::{Device, Tensor, s};
+use rayon::prelude::*;
+
+use super::data::Batch;
+use super::fit::{Free, On};
+use super::likelihood;
+use super::model::{SensorModel, Term};
+use super::newton::{Groups, Objective};
+use super::score::{Scope, counted, per_block};
+use crate::effects::{ActsOn, Image, Kind};
+
+/// What is fitted to what; everything that does not change is worked out once.
+pub(super) struct Problem<'a> {
+    held_last: Vec<&'a Term>,
+    free: &'a [Free],
+    acts_on: ActsOn,
+    batches: Vec<Prepared<'a>>,
+    device: Device,
+}
+
+struct Prepared<'a> {
+    batch: &'a Batch,
+    image: Image,
+    /// 1 where rays count; `None` where all do.
+    settled: Option<Tensor<3>>,
+}
+
+/// Its negative log-likelihood, under normals that may be widened.
+pub(super) struct Softened<'a> {
+    pub(super) problem: &'a Problem<'a>,
+    /// By how much normals are widened.
+    pub(super) soften: f64,
+}
+
+impl<'a> Problem<'a> {
+    pub(super) fn new(model: &'a SensorModel, free: &'a [Free], on: &On<'a>) -> Self {
+        let is_free = |term: &&Term| free.iter().any(|f| f.term.name() == term.name());
+        let held: Vec<&Term> = model.terms.iter().filter(|t| !is_free(t)).collect();
+        let (moving, other): (Vec<&Term>, Vec<&Term>) = held.into_iter().partition(|t| t.is_geometric());
+        let moves = free.iter().any(|f| f.term.is_geometric());
+        let prepare = |batch: &'a Batch| {
+            let image = moving.iter().fold(batch.image.clone(), |image, term| term.forward(image));
+            if moves {
+                return Prepared { batch, image, settled: None };
+            }
+            let image = image.resample();
+            let settled = if on.scope == Scope::Settled { image.settled() } else { None };
+            Prepared { batch, image: other.iter().fold(image, |image, term| term.forward(image)), settled }
+        };
+        Self {
+            batches: on.batches.par_iter().copied().map(prepare).collect(),
+            held_last: if moves { other } else { vec![] },
+            free,
+            acts_on: on.channels,
+            device: on.batches.first().map_or_else(Device::flex, |b| b.image.device()),
+        }
+    }
+
+    /// The free numbers where the fit starts.
+    pub(super) fn start(&self) -> Vec<f64> {
+        self.free.iter().flat_map(|f| f.ranges().into_iter().flat_map(|r| f.term.fitted[r].to_vec())).collect()
+    }
+
+    pub(super) fn groups(&self) -> Groups {
+        Groups::new(self.free.iter().flat_map(Free::groups))
+    }
+
+    /// Which of the numbers are means rather than spreads or probabilities.
+    pub(super) fn means(&self) -> Vec<usize> {
+        let kinds = self.free.iter().flat_map(Free::kinds).enumerate();
+        kinds.filter(|(_, kind)| *kind == Kind::Free).map(|(i, _)| i).collect()
+    }
+
+    pub(super) fn groups_of_means(&self) -> Groups {
+        let is_mean = |free: &Free| {
+            let (parameters, groups) = (free.parameters.clone(), free.groups());
+            let kind = |i: usize| free.term.parameters[i].kind;
+            parameters
+                .into_iter()
+                .zip(groups)
+                .filter(|(i, _)| kind(*i) == Kind::Free)
+                .map(|(_, g)| g)
+                .collect::<Vec<_>>()
+        };
+        Groups::new(self.free.iter().flat_map(is_mean))
+    }
+
+    /// The gradient of each scene's likelihood.
+    pub(super) fn gradients_by_scene(&self, x: &[f64]) -> Vec<Vec<f64>> {
+        let parts: Vec<(usize, Vec<f64>)> =
+            self.batches.par_iter().map(|b| (b.batch.scene, self.of_batch(b, x, 0.0).1)).collect();
+        let mut scenes: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for (scene, gradient) in parts {
+            let sum = scenes.entry(scene).or_insert_with(|| vec![0.0; x.len()]);
+            sum.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+        }
+        scenes.into_values().collect()
+    }
+
+    pub(super) fn terms(&self, x: &[f64]) -> Vec<Term> {
+        let mut next = x.iter();
+        let fill = |free: &Free| {
+            let mut term = free.term.clone();
+            for i in free.ranges().into_iter().flatten() {
+                term.fitted[i] = *next.next().unwrap_or_else(|| unreachable!("as many numbers as are free"));
+            }
+            term
+        };
+        self.free.iter().map(fill).collect()
+    }
+
+    /// The image with the free terms at these numbers, `fitted` being a tensor a term.
+    fn image(&self, prepared: &Prepared<'_>, fitted: &[Tensor<1>]) -> Image {
+        let act = |image: Image, (free, fitted): (&Free, &Tensor<1>)| {
+            free.term.effect.forward(&free.term.values(fitted), image)
+        };
+        let with =
+            |geometric: bool| self.free.iter().zip(fitted).filter(move |(f, _)| f.term.is_geometric() == geometric);
+        let image = with(true).fold(prepared.image.clone(), act).resample();
+        let image = self.held_last.iter().fold(image, |image, term| term.forward(image));
+        with(false).fold(image, act)
+    }
+
+    /// Negative log-likelihood of a batch and its gradient.
+    fn of_batch(&self, prepared: &Prepared<'_>, x: &[f64], soften: f64) -> (f64, Vec<f64>) {
+        let x: Vec<f32> = x.iter().map(|x| *x as f32).collect();
+        let x = Tensor::<1>::from_floats(x.as_slice(), &self.device).require_grad();
+        let mut from = 0;
+        let mut fitted = Vec::with_capacity(self.free.len());
+        for free in self.free {
+            let mut parts = Vec::new();
+            for (i, (_, range)) in free.term.layout().into_iter().enumerate() {
+                if free.parameters.contains(&i) {
+                    let n = range.len();
+                    parts.push(x.clone().slice(s![from..from + n as i64]));
+                    from += n as i64;
+                } else {
+                    let held: Vec<f32> = free.term.fitted[range].iter().map(|x| *x as f32).collect();
+                    parts.push(Tensor::from_floats(held.as_slice(), &self.device));
+                }
+            }
+            fitted.push(Tensor::cat(parts, 0));
+        }
+        let image = self.image(prepared, &fitted);
+        let observed = &prepared.batch.observed;
+        let mut parts = Vec::new();
+        if self.acts_on.range {
+            parts.push(likelihood::range(&image, observed, soften));
+        }
+        if self.acts_on.reflectance {
+            parts.push(likelihood::reflectance(&image, observed, soften));
+        }
+        if self.acts_on.returns {
+            parts.push(likelihood::returns(&image, observed));
+        }
+        let Some(total) = parts.into_iter().reduce(|a, b| a + b) else { return (0.0, vec![0.0; x.dims()[0]]) };
+        let total = counted(total, prepared.settled.as_ref());
+        let value: f64 = per_block(&total.clone().detach()).iter().sum();
+        let gradients = total.sum().backward();
+        let gradient = x
+            .grad(&gradients)
+            .map_or_else(|| vec![0.0; x.dims()[0]], |g| g.into_data().iter::<f64>().map(|g| -g).collect());
+        (-value, gradient)
+    }
+}
+
+/// A function of some of another's numbers, the others held.
+pub(super) struct Part<'a> {
+    pub(super) whole: &'a dyn Objective,
+    pub(super) at: &'a [f64],
+    pub(super) numbers: &'a [usize],
+}
+
+impl Part<'_> {
+    pub(super) fn of(&self, x: &[f64]) -> Vec<f64> {
+        self.numbers.iter().map(|i| x[*i]).collect()
+    }
+}
+
+impl Objective for Part<'_> {
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        let mut whole = self.at.to_vec();
+        self.numbers.iter().zip(x).for_each(|(i, x)| whole[*i] = *x);
+        let (value, gradient) = self.whole.evaluate(&whole);
+        (value, self.of(&gradient))
+    }
+}
+
+impl Objective for Softened<'_> {
+    fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        let parts: Vec<(f64, Vec<f64>)> =
+            self.problem.batches.par_iter().map(|batch| self.problem.of_batch(batch, x, self.soften)).collect();
+        let mut sum = (0.0, vec![0.0; x.len()]);
+        for (value, gradient) in parts {
+            sum.0 += value;
+            sum.1.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+        }
+        sum
+    }
+}

@@ -1,0 +1,42 @@
+//! Everything that a model has, fitted together.
+
+use std::collections::BTreeSet;
+
+use super::data::Batch;
+use super::fit::{Free, Manner, On, fit, stderr};
+use super::model::{SensorModel, Term};
+use super::score::Scope;
+use super::significance::few_scenes;
+use crate::effects::ActsOn;
+
+/// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.
+pub fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
+    let fitted = |model: &SensorModel, free: &[Free], scope| {
+        model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, scope }, Manner::EXACT).terms)
+    };
+    let model = fitted(model, &free(model, |_| true), Scope::All);
+    if model.moves_rays() { fitted(&model, &free(&model, |term| !term.is_geometric()), Scope::Settled) } else { model }
+}
+
+/// Standard errors of every number of a fitted model, in the units of its parameters, widened as few scenes want it.
+pub fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
+    let scenes = batches.iter().map(|b| b.scene).collect::<BTreeSet<_>>().len();
+    let wider = if scenes < 3 { 1.0 } else { few_scenes(scenes as f64 - 1.0) };
+    let errors = |free: &[Free], scope| {
+        let stderr = stderr(model, free, &On { batches, channels: ActsOn::ALL, scope });
+        let widened = |stderr: Vec<f64>| stderr.iter().map(|e| e * wider).collect::<Vec<_>>();
+        free.iter().zip(stderr).map(|(f, stderr)| f.term.physical_stderr(&widened(stderr))).collect::<Vec<_>>()
+    };
+    let mut out = errors(&free(model, |_| true), Scope::All);
+    if model.moves_rays() {
+        let settled = errors(&free(model, |term| !term.is_geometric()), Scope::Settled);
+        let others = model.terms.iter().zip(&mut out).filter(|(term, _)| !term.is_geometric());
+        others.zip(settled).for_each(|((_, place), settled)| *place = settled);
+    }
+    out
+}
+
+/// Terms of a model with all their numbers free.
+fn free(model: &SensorModel, which: impl Fn(&Term) -> bool) -> Vec<Free> {
+    model.terms.iter().filter(|term| which(term)).cloned().map(Free::all).collect()
+}
