@@ -110,6 +110,9 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
         let found = problem.groups_of_means().minimise(&part, &part.of(&x), ON_THE_WAY, None).x;
         means.iter().zip(found).for_each(|(i, found)| x[*i] = found);
     }
+    if !manner.widths.is_empty() {
+        problem.scan_rings(&mut x);
+    }
     let exact = Softened { problem: &problem, soften: 0.0 };
     let minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);
     Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value }

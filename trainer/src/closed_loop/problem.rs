@@ -11,7 +11,13 @@ use super::likelihood;
 use super::model::{SensorModel, Term};
 use super::newton::{Groups, Objective};
 use super::score::{Scope, counted, per_block};
-use crate::effects::{ActsOn, Image, Kind};
+use crate::effects::{ActsOn, Extent, Image, Kind};
+
+/// Values that are tried for a ring, in units of the typical size: from minus four to four.
+const SCANNED: std::ops::RangeInclusive<i32> = -20..=20;
+
+/// The step between them.
+const SCAN_STEP: f64 = 0.2;
 
 /// What is fitted to what; everything that does not change is worked out once.
 pub(super) struct Problem<'a> {
@@ -125,10 +131,8 @@ impl<'a> Problem<'a> {
         with(false).fold(image, act)
     }
 
-    /// Negative log-likelihood of a batch and its gradient.
-    fn of_batch(&self, prepared: &Prepared<'_>, x: &[f64], soften: f64) -> (f64, Vec<f64>) {
-        let x: Vec<f32> = x.iter().map(|x| *x as f32).collect();
-        let x = Tensor::<1>::from_floats(x.as_slice(), &self.device).require_grad();
+    /// Log-likelihood of each ray of a batch, 0 for those that do not count.
+    fn nats(&self, prepared: &Prepared<'_>, x: &Tensor<1>, soften: f64) -> Tensor<3> {
         let mut from = 0;
         let mut fitted = Vec::with_capacity(self.free.len());
         for free in self.free {
@@ -147,24 +151,71 @@ impl<'a> Problem<'a> {
         }
         let image = self.image(prepared, &fitted);
         let observed = &prepared.batch.observed;
-        let mut parts = Vec::new();
+        let mut nats = observed.range_m.zeros_like();
         if self.acts_on.range {
-            parts.push(likelihood::range(&image, observed, soften));
+            nats = nats + likelihood::range(&image, observed, soften);
         }
         if self.acts_on.reflectance {
-            parts.push(likelihood::reflectance(&image, observed, soften));
+            nats = nats + likelihood::reflectance(&image, observed, soften);
         }
         if self.acts_on.returns {
-            parts.push(likelihood::returns(&image, observed));
+            nats = nats + likelihood::returns(&image, observed);
         }
-        let Some(total) = parts.into_iter().reduce(|a, b| a + b) else { return (0.0, vec![0.0; x.dims()[0]]) };
-        let total = counted(total, prepared.settled.as_ref());
-        let value: f64 = per_block(&total.clone().detach()).iter().sum();
-        let gradients = total.sum().backward();
-        let gradient = x
+        counted(nats, prepared.settled.as_ref())
+    }
+
+    fn tensor(&self, x: &[f64]) -> Tensor<1> {
+        let x: Vec<f32> = x.iter().map(|x| *x as f32).collect();
+        Tensor::from_floats(x.as_slice(), &self.device)
+    }
+
+    /// Negative log-likelihood of a batch and its gradient.
+    fn of_batch(&self, prepared: &Prepared<'_>, x: &[f64], soften: f64) -> (f64, Vec<f64>) {
+        let tensor = self.tensor(x).require_grad();
+        let nats = self.nats(prepared, &tensor, soften);
+        let value: f64 = per_block(&nats.clone().detach()).iter().sum();
+        let gradients = nats.sum().backward();
+        let gradient = tensor
             .grad(&gradients)
-            .map_or_else(|| vec![0.0; x.dims()[0]], |g| g.into_data().iter::<f64>().map(|g| -g).collect());
+            .map_or_else(|| vec![0.0; x.len()], |g| g.into_data().iter::<f64>().map(|g| -g).collect());
         (-value, gradient)
+    }
+
+    /// Log-likelihood of each ring.
+    fn by_ring(&self, x: &[f64]) -> Vec<f64> {
+        let x = self.tensor(x);
+        let of = |prepared: &Prepared<'_>| {
+            let nats = self.nats(prepared, &x, 0.0).sum_dim(2).sum_dim(0);
+            nats.into_data().iter::<f64>().collect::<Vec<_>>()
+        };
+        let sums: Vec<Vec<f64>> = self.batches.par_iter().map(of).collect();
+        sums.into_iter().reduce(|a, b| a.iter().zip(b).map(|(a, b)| a + b).collect()).unwrap_or_default()
+    }
+
+    /// Tries values of any likely size where every ring has a number of its own that moves its rays, and gives each ring the one that
+    /// suits it best: far along the ground the likelihood has one sharp peak among many.
+    pub(super) fn scan_rings(&self, x: &mut [f64]) {
+        let mut from = 0;
+        for free in self.free {
+            for (n, extent) in free.groups() {
+                let numbers = from..from + n;
+                from = numbers.end;
+                if !free.term.is_geometric() || extent != Extent::PerRing {
+                    continue;
+                }
+                let mut best = self.by_ring(x);
+                let held = x.to_vec();
+                for value in SCANNED.map(|step| f64::from(step) * SCAN_STEP) {
+                    let mut tried = held.clone();
+                    tried[numbers.clone()].fill(value);
+                    for (ring, nats) in self.by_ring(&tried).into_iter().enumerate() {
+                        if nats > best[ring] {
+                            (best[ring], x[numbers.start + ring]) = (nats, value);
+                        }
+                    }
+                }
+            }
+        }
     }
 }
 

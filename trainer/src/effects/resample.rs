@@ -16,6 +16,9 @@ use super::surface::{Surface, choose, dot};
 /// Slope of a surface that no plane is known of: its range is uncertain by this times the ray's displacement.
 const UNKNOWN_SLOPE: f64 = 1.5;
 
+/// Share of the way along a likely plane by which a surface's range is uncertain.
+const LIKELY_SLOPE: f64 = 0.5;
+
 /// Relative error with which two pixels' planes give each other's ranges up to which they are one smooth surface.
 const SMOOTH: f64 = 0.02;
 
@@ -37,13 +40,16 @@ impl Image {
         let rays = &self.rays;
         let ray = Ray { directions: rays.directions(&bend), origin: bend.origin_m.clone() };
         let aim = self.aim(&bend, &ray);
-        let here = look(&self.surface, &aim.nearest, &ray, rays);
-        let there = look(&self.surface, &aim.beside, &ray, rays);
+        let here = Look::at(&self.surface, &aim.nearest, &ray, rays);
+        let there = Look::at(&self.surface, &aim.beside, &ray, rays);
         let (here, other) = self.surface.meet(&aim, here, there, rays);
 
-        // The surface that is not known to be flat: how far from the ray of the simulation is it seen?
+        // The surface that is not known to be flat: how far from the ray of the simulation is it seen, and how far has its likely plane
+        // taken it?
         let unknown = here.known.clone() * -1.0 + 1.0;
-        let doubt_m = here.range_m.clone() * aim.away_rad.clone() * unknown * UNKNOWN_SLOPE;
+        let taken_m = (here.range_m.clone() - aim.nearest.of(&self.surface.range_m)).abs();
+        let away_m = here.range_m.clone() * aim.away_rad.clone();
+        let doubt_m = (away_m * UNKNOWN_SLOPE + taken_m * LIKELY_SLOPE) * unknown;
         self.report.range_sigma_m = (self.report.range_sigma_m.clone().square() + doubt_m.square()).sqrt();
         self.report.range_m = here.range_m.clone();
         self.report.reflectance = here.reflectance.clone();
@@ -108,28 +114,37 @@ fn astray(cut_m: &Tensor<3>, seen_m: &Tensor<3>) -> Tensor<3, Bool> {
     (cut_m.clone() - seen_m.clone()).abs().greater_equal(seen_m.clone() * 0.5 + 0.5)
 }
 
-/// What the moved rays see of the surfaces of the chosen rays.
-fn look(surface: &Surface, pixels: &Pixels, ray: &Ray, rays: &Rays) -> Surface {
-    let plane = surface.plane.each_ref().map(|a| pixels.of(a));
-    let seen_m = pixels.of(&surface.range_m);
-    let known = pixels.of(&surface.known);
-    let (cut_m, facing) = ray.cut(&plane);
-    // A plane that the ray leaves behind, or meets beyond what the sensor sees, is not hit.
-    let within = sigmoid((cut_m.clone() * -1.0 + rays.limits_m.1) * (1.0 / LIMIT_WIDTH_M));
-    let hit = pixels.of(&surface.hit) * within * cut_m.clone().greater_elem(0.0).float();
-    let astray = astray(&cut_m, &seen_m);
-    let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
-    let cosine = (facing / size).clamp(0.01, 1.0);
-    let cos_incidence = pixels.of(&surface.cos_incidence).mask_where(known.clone().greater_elem(0.5), cosine);
-    Surface {
-        range_m: cut_m.mask_where(astray, seen_m),
-        hit,
-        reflectance: pixels.of(&surface.reflectance),
-        class: pixels.of(&surface.class),
-        plane,
-        known,
-        cos_incidence,
-        interior: pixels.of(&surface.interior),
+/// What moved rays see of the surfaces of some pixels.
+struct Look {
+    surface: Surface,
+    /// Inverse of the range at which they cut the pixels' planes, in 1/m, however far from the pixels that is.
+    inverse: Tensor<3>,
+}
+
+impl Look {
+    fn at(surface: &Surface, pixels: &Pixels, ray: &Ray, rays: &Rays) -> Self {
+        let plane = surface.plane.each_ref().map(|a| pixels.of(a));
+        let seen_m = pixels.of(&surface.range_m);
+        let known = pixels.of(&surface.known);
+        let (cut_m, facing) = ray.cut(&plane);
+        // A plane that the ray leaves behind, or meets beyond what the sensor sees, is not hit.
+        let within = sigmoid((cut_m.clone() * -1.0 + rays.limits_m.1) * (1.0 / LIMIT_WIDTH_M));
+        let hit = pixels.of(&surface.hit) * within * cut_m.clone().greater_elem(0.0).float();
+        let astray = astray(&cut_m, &seen_m);
+        let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
+        let cosine = (facing / size).clamp(0.01, 1.0);
+        let cos_incidence = pixels.of(&surface.cos_incidence).mask_where(known.clone().greater_elem(0.5), cosine);
+        let surface = Surface {
+            range_m: cut_m.clone().mask_where(astray, seen_m),
+            hit,
+            reflectance: pixels.of(&surface.reflectance),
+            class: pixels.of(&surface.class),
+            plane,
+            known,
+            cos_incidence,
+            interior: pixels.of(&surface.interior),
+        };
+        Self { surface, inverse: cut_m.clamp_min(1e-3).recip() }
     }
 }
 
@@ -137,7 +152,9 @@ impl Surface {
     /// What rays see that pass between what they would see `here` and `there`, the surfaces of the two pixels of their places: where
     /// both belong to one smooth surface, what lies between; where they meet in a crease, the nearer of two that are hollow and the
     /// farther of two that bulge.
-    fn meet(&self, aim: &Aim, here: Self, there: Self, rays: &Rays) -> (Self, Other) {
+    fn meet(&self, aim: &Aim, here: Look, there: Look, rays: &Rays) -> (Self, Other) {
+        let between_m = (here.inverse.clone() + (there.inverse - here.inverse) * aim.part.clone()).recip();
+        let (here, there) = (here.surface, there.surface);
         let point = rays.directions(&Bend::default()).map(|u| u * self.range_m.clone());
         let of = |pixels: &Pixels, plane: &[Tensor<3>; 3]| dot(plane, &point.each_ref().map(|x| pixels.of(x))) - 1.0;
         // By how much, relatively, each plane is nearer than the other at the other's pixel.
@@ -151,9 +168,6 @@ impl Surface {
         let farther = (there.range_m.clone() - here.range_m.clone()) * bulging;
         let swap = (farther.greater_elem(0.0).float() * crease.clone().float()).greater_elem(0.5);
 
-        let inverse = |x: &Tensor<3>| x.clone().clamp_min(1e-3).recip();
-        let (from, to) = (inverse(&here.range_m), inverse(&there.range_m));
-        let between_m = (from.clone() + (to - from) * aim.part.clone()).recip();
         let which = |here: &Tensor<3>, there: &Tensor<3>| here.clone().mask_where(swap.clone(), there.clone());
         let met = Self {
             range_m: which(&here.range_m, &there.range_m).mask_where(smooth.clone(), between_m),

@@ -32,6 +32,9 @@ const ON_PLANE: f64 = 0.005;
 /// Cosine of the incidence angle below which a plane is an artefact: it runs along the ray.
 const GRAZING: f64 = 0.004;
 
+/// Distance from a neighbour's plane, as a share of the sensor's distance from it, up to which a surface may be parallel to it: a kerb's.
+const PARALLEL: f64 = 0.15;
+
 /// What each ray hits; tensors are `[batch, ring, column]`.
 #[derive(Clone, Debug)]
 pub struct Surface {
@@ -43,7 +46,8 @@ pub struct Surface {
     pub reflectance: Tensor<3>,
     /// Class index, 0 = unlabelled.
     pub class: Tensor<3>,
-    /// The plane a·x = 1 through the hit, in 1/m: ahead, left, up. Where none is known, the one that faces the ray.
+    /// The plane a·x = 1 through the hit, in 1/m: ahead, left, up. Where none is known, the one that is parallel to a known one close by,
+    /// as a kerb's is to the road; else the one that faces the ray.
     pub plane: [Tensor<3>; 3],
     /// 1 where the plane is known from the neighbours, else 0.
     pub known: Tensor<3>,
@@ -73,10 +77,9 @@ impl Surface {
         let known = best.believed * hit.clone();
         let unknown = known.clone().equal_elem(0.0);
         let inverse = hit.clone() / range_m.clone().clamp_min(1e-3);
-        let mut plane = best.plane;
-        for (a, u) in plane.iter_mut().zip(directions) {
-            *a = a.clone().mask_where(unknown.clone(), u * inverse.clone());
-        }
+        let facing = directions.map(|u| u * inverse.clone());
+        let likely = parallel(&best.plane, &known, &point, facing);
+        let plane = choose(&unknown, best.plane, likely);
         let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
         let cos_incidence = (inverse / size).mask_fill(unknown, 1.0).clamp(0.01, 1.0);
         let interior = interior(&plane, &point, &hit);
@@ -87,6 +90,27 @@ impl Surface {
     pub fn height_m(&self, rays: &Rays) -> Tensor<3> {
         self.range_m.clone() * rays.elevation_rad.clone().sin()
     }
+}
+
+/// For each pixel the plane through it that is parallel to the known plane, among its neighbours', that it is nearest to; `facing` where
+/// it is near none.
+fn parallel(
+    planes: &[Tensor<3>; 3],
+    known: &Tensor<3>,
+    point: &[Tensor<3>; 3],
+    facing: [Tensor<3>; 3],
+) -> [Tensor<3>; 3] {
+    let mut nearest = (known.zeros_like() + PARALLEL, facing);
+    for (down, right) in [(1, 0), (-1, 0), (0, 1), (0, -1), (2, 0), (-2, 0), (0, 2), (0, -2)] {
+        let plane = beside(planes, down, right);
+        let at_pixel = dot(&plane, point);
+        let unknown = at(known, down, right, 0.0).lower_elem(0.5);
+        let distance = (at_pixel.clone() - 1.0).abs().mask_fill(unknown, f64::INFINITY);
+        let nearer = distance.clone().lower(nearest.0.clone());
+        let through = plane.map(|a| a / at_pixel.clone().clamp_min(0.5));
+        nearest = (nearest.0.mask_where(nearer.clone(), distance), choose(&nearer, nearest.1, through));
+    }
+    nearest.1
 }
 
 /// 1 where the eight pixels around are on the plane, or nothing is hit by any of the nine.
