@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::data::Batch;
 use super::evidence::evidence;
 use super::fit::{Fitted, Free, Manner, On, fit};
-use super::glance::Glance;
+use super::glance::{Glance, akin};
 use super::halves::Halves;
 use super::improve::Progress;
 use super::model::{SensorModel, Term};
@@ -44,7 +44,8 @@ impl Trial {
         let acts_on = terms[1].effect.about().acts_on;
         let fitted = |terms: &[Term], half: usize| {
             let on = On { batches: &halves.batches[half], channels: acts_on, scope: Scope::of(&terms[1]) };
-            let free = [Free::noise(terms[0].clone(), acts_on), Free::all(terms[1].clone())];
+            let mut free = vec![Free::noise(terms[0].clone(), acts_on)];
+            free.extend(terms[1..].iter().cloned().map(Free::all));
             fit(model, &free, &on, Manner::TRIAL)
         };
         let first = fitted(&terms, 0);
@@ -65,17 +66,24 @@ impl Trial {
         Self { term: glance.fitted.terms[1].clone(), gain, parts: [0.0; 3], p_value: 1.0, blocks, only_glanced: true }
     }
 
-    /// Several effects that a model lacks, fitted together from where they are; named and sized by the first.
-    pub fn of_all(model: &SensorModel, terms: &[Term], halves: &Halves<'_>) -> Self {
-        let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
+    /// Effects of a model, the first of which names and sizes them, against the same model `without` them. They are fitted together with
+    /// their like, which may take a share of what they did when they are gone.
+    pub fn of_found(found: &[&Term], model: &SensorModel, without: &SensorModel, halves: &Halves<'_>) -> Self {
+        let acts_on = found.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
         let mut free = vec![Free::noise(model.terms[0].clone(), acts_on)];
-        free.extend(terms.iter().cloned().map(Free::all));
+        free.extend(found.iter().map(|term| Free::all((*term).clone())));
+        let like = found.iter().flat_map(|term| akin(model, term));
+        for other in like.collect::<Vec<_>>() {
+            if free.iter().all(|f| f.term.name() != other.term.name()) {
+                free.push(other);
+            }
+        }
         let fitted = |half: &Vec<&Batch>| {
-            let on = On { batches: half, channels: acts_on, scope: Scope::of(&terms[0]) };
+            let on = On { batches: half, channels: acts_on, scope: Scope::of(found[0]) };
             fit(model, &free, &on, Manner::TRIAL)
         };
         let [first, second] = halves.batches.each_ref().map(fitted);
-        Self::exchanged(terms[0].clone(), acts_on, model, [&first, &second], halves)
+        Self::exchanged(found[0].clone(), acts_on, without, [&first, &second], halves)
     }
 
     /// What each half's fit is worth on the other.

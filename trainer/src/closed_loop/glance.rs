@@ -18,7 +18,7 @@ const WORTH_A_LOOK: f64 = 0.25;
 /// What a first fit on the sample says of an effect that a model lacks.
 #[derive(Clone, Debug)]
 pub struct Glance {
-    /// The noise floor and the effect.
+    /// The noise floor, the effect, and those that it is fitted together with.
     pub fitted: Fitted,
     /// Gain a ray on the sample that it was fitted to.
     pub gain: f64,
@@ -41,9 +41,12 @@ impl Glance {
             .then(|| noise.parameters.clone())
             .map(|numbers| before.hessian.select_rows(&numbers).select_columns(&numbers));
         let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::of(&term) };
+        let akin = akin(model, &term);
         let attempt = |start: &Term, widths: &[f64]| {
             let manner = Manner { widths, known: known.as_ref(), ..Manner::TRIAL };
-            fit(model, &[noise.clone(), Free::all(start.clone())], &on, manner)
+            let mut free = vec![noise.clone(), Free::all(start.clone())];
+            free.extend(akin.iter().cloned());
+            fit(model, &free, &on, manner)
         };
         // A guess is near enough: wide normals would lead away from a needle.
         let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
@@ -68,6 +71,15 @@ impl Glance {
         let most = glances.iter().map(|g| g.gain).fold(0.0, f64::max);
         glances.iter().map(|g| !g.is_hopeless && g.gain >= WORTH_A_LOOK * most).collect()
     }
+}
+
+/// Effects of the model's that may have taken a share of another's: those of its channel, if they are single numbers.
+pub fn akin(model: &SensorModel, of: &Term) -> Vec<Free> {
+    let channel = of.effect.about().channel;
+    let is_akin = |term: &&Term| {
+        term.effect.about().channel == channel && term.parameters.iter().all(|p| p.extent == Extent::One)
+    };
+    model.effects().iter().filter(is_akin).cloned().map(Free::all).collect()
 }
 
 /// By how much a fit should begin with widened normals: not at all where the residual is what the noise floor says, else by what it

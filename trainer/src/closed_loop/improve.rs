@@ -196,12 +196,12 @@ impl Search<'_> {
     /// Replaces these effects by a table that beats them, if there is one.
     fn replace_if_mimics(&mut self, names: &[&'static str]) -> bool {
         let are_named = |f: &&Found| names.contains(&f.term.name());
-        let terms: Vec<Term> = self.found.iter().filter(are_named).map(|f| f.term.clone()).collect();
+        let terms: Vec<&Term> = self.model.effects().iter().filter(|t| names.contains(&t.name())).collect();
         let q_value = self.found.iter().filter(are_named).map(|f| f.q_value).fold(0.0, f64::max);
         let without = names.iter().fold(self.model.clone(), |model, name| model.without(name));
         let without = refitted(&without, &self.all);
         let halves = Halves::new(&without, self.batches.clone());
-        let named = Trial::of_all(&without, &terms, &halves);
+        let named = Trial::of_found(&terms, &self.model, &without, &halves);
         let screening = screen(&without, &self.all, SEED);
         // Several effects have no excuse: a single table that is better than all of them knows what they do not.
         let own = terms[0].effect.about().covariates;
