@@ -11,28 +11,36 @@ use crate::effects::ActsOn;
 
 /// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.
 pub fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
-    let fitted = |model: &SensorModel, free: &[Free], scope| {
-        model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, scope }, Manner::EXACT).terms)
-    };
-    let model = fitted(model, &free(model, |_| true), Scope::All);
-    if model.moves_rays() { fitted(&model, &free(&model, |term| !term.is_geometric()), Scope::Settled) } else { model }
+    let model = fitted(model, &free(model, |_| true), batches, Scope::All);
+    if model.moves_rays() {
+        fitted(&model, &free(&model, |term| !term.is_geometric()), batches, Scope::Settled)
+    } else {
+        model
+    }
+}
+
+fn fitted(model: &SensorModel, free: &[Free], batches: &[&Batch], scope: Scope) -> SensorModel {
+    model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, scope }, Manner::EXACT).terms)
 }
 
 /// Standard errors of every number of a fitted model, in the units of its parameters, widened as few scenes want it.
 pub fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
     let scenes = batches.iter().map(|b| b.scene).collect::<BTreeSet<_>>().len();
     let wider = if scenes < 3 { 1.0 } else { few_scenes(scenes as f64 - 1.0) };
-    let errors = |free: &[Free], scope| {
+    let errors = |model: &SensorModel, free: &[Free], scope| {
         let stderr = stderr(model, free, &On { batches, channels: ActsOn::ALL, scope });
         let widened = |stderr: Vec<f64>| stderr.iter().map(|e| e * wider).collect::<Vec<_>>();
         free.iter().zip(stderr).map(|(f, stderr)| f.term.physical_stderr(&widened(stderr))).collect::<Vec<_>>()
     };
-    let mut out = errors(&free(model, |_| true), Scope::All);
-    if model.moves_rays() {
-        let settled = errors(&free(model, |term| !term.is_geometric()), Scope::Settled);
-        let others = model.terms.iter().zip(&mut out).filter(|(term, _)| !term.is_geometric());
-        others.zip(settled).for_each(|((_, place), settled)| *place = settled);
+    if !model.moves_rays() {
+        return errors(model, &free(model, |_| true), Scope::All);
     }
+    // On all rays the rest of the model has values of its own; with those of settled rays the likelihood would not be at its maximum.
+    let of_all = fitted(model, &free(model, |term| !term.is_geometric()), batches, Scope::All);
+    let mut out = errors(&of_all, &free(&of_all, |_| true), Scope::All);
+    let settled = errors(model, &free(model, |term| !term.is_geometric()), Scope::Settled);
+    let others = model.terms.iter().zip(&mut out).filter(|(term, _)| !term.is_geometric());
+    others.zip(settled).for_each(|((_, place), settled)| *place = settled);
     out
 }
 
