@@ -43,10 +43,9 @@ pub struct Predicted {
     pub extra: Vec<f32>,
     /// Standardised range residual beyond which a return is likelier to be an outlier than one of the surface's.
     pub gate: Vec<f32>,
-    /// Whether the surface is certain: no second surface beside it, as there is where a moved ray passes an edge.
+    /// Whether the image knows what the ray hits: it was not moved, or it hits a surface whose plane is known, with no second surface
+    /// beside it, as there is where a moved ray passes an edge.
     pub certain: Vec<bool>,
-    /// Whether the surface's plane is known, or no ray has been moved.
-    pub flat: Vec<bool>,
     /// Measured range, m; 0 where there is no return.
     pub measured_range_m: Vec<f32>,
     /// Measured reflectance.
@@ -107,7 +106,6 @@ impl Predicted {
             extra: list(&(only_surfaces * -1.0 + 1.0)),
             gate,
             certain: certain(image, &range_m, &sigma_m, dims),
-            flat: list(&image.surface.known).iter().map(|k| image.other.is_none() || *k > 0.5).collect(),
             measured_range_m: list(&batch.observed.range_m),
             measured_reflectance: list(&batch.observed.reflectance),
             range_m,
@@ -154,17 +152,18 @@ fn gate(outliers: f32, sigma_m: f32, extent_m: f64) -> f32 {
     (2.0 * ratio.max(1.0).ln()).sqrt().max(2.0) as f32
 }
 
-/// Whether the second surface of each ray, if any, is none or the same.
+/// Whether the surface of each ray, if it was moved, is known, and the second one is none or the same.
 fn certain(image: &Image, range_m: &[f32], sigma_m: &[f32], size: [usize; 3]) -> Vec<bool> {
     let Some(other) = &image.other else { return vec![true; range_m.len()] };
     let (hit, here_m) = (numbers(&image.surface.hit, size), numbers(&image.surface.range_m, size));
+    let known = numbers(&image.surface.known, size);
     let (weight, there, there_m) =
         (numbers(&other.weight, size), numbers(&other.hit, size), numbers(&other.range_m, size));
     (0..range_m.len())
         .map(|i| {
             let same = (hit[i] - there[i]).abs() < 0.5
                 && (hit[i] < 0.5 || (here_m[i] - there_m[i]).abs() < LEAST_STEP_M + 3.0 * sigma_m[i]);
-            same || weight[i] < LEAST_WEIGHT
+            (same || weight[i] < LEAST_WEIGHT) && (hit[i] < 0.5 || known[i] > 0.5)
         })
         .collect()
 }

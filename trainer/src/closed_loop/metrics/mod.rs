@@ -1,7 +1,8 @@
 //! How far a model is from what was measured on scenes that it has never seen, before and after the loop, and how far any would be.
 //!
-//! Every model is judged on the same rays. A range counts where both models know one certain surface: rays that a moved ray's second
-//! surface makes uncertain are counted apart (an image cannot know where an edge lies), as are returns that neither model explains.
+//! Every model is judged on the same rays. A range counts where both models know one certain surface: moved rays that a second surface or
+//! an unknown plane makes uncertain are counted apart (an image cannot know what lies behind an edge), as are returns that neither model
+//! explains.
 
 mod chamfer;
 mod kd_tree;

@@ -76,7 +76,7 @@ impl Residuals {
 
 /// Whether the range of a return says something about its surface.
 fn says(rays: &Predicted, i: usize) -> bool {
-    rays.is_return_of_a_surface(i) && rays.certain[i] && rays.flat[i]
+    rays.is_return_of_a_surface(i) && rays.certain[i]
 }
 
 fn range(rays: &Predicted, i: usize) -> Option<(f64, f64)> {
@@ -109,7 +109,7 @@ fn missing(rays: &Predicted, i: usize) -> Option<(f64, f64)> {
 /// A return that no surface explains: where nothing is hit, or far off the surface.
 fn extra(rays: &Predicted, i: usize) -> Option<(f64, f64)> {
     let hit = rays.hit[i] > 0.5;
-    (rays.certain[i] && (rays.flat[i] || !hit)).then(|| {
+    rays.certain[i].then(|| {
         let is = rays.returned(i) && (!hit || rays.is_outlier(i));
         yes_or_no(is, f64::from(rays.extra[i]))
     })
