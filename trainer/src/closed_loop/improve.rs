@@ -9,6 +9,7 @@ use super::halves::Halves;
 use super::judged::{Judged, choose};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
+use super::placebo;
 use super::refit::{physical_stderr, refitted};
 use super::score::{Scope, total};
 use super::screen::{Screening, screen};
@@ -99,26 +100,43 @@ impl Search<'_> {
             let mut judged: Vec<Judged> = trials
                 .into_iter()
                 .zip(q)
-                .map(|(trial, q_value)| Judged { passed: self.passes(&trial, q_value, halves.rays), trial, q_value })
+                .map(|(trial, q_value)| Judged::new(self.passes(&trial, q_value, halves.rays), trial, q_value))
                 .collect();
             judged.sort_by(|a, b| b.trial.gain.value.total_cmp(&a.trial.gain.value));
-            let choice = choose(&judged);
-            let decision =
-                choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.trial.name()));
+            let choice = self.best(&mut judged);
+            let decision = choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.name()));
             (self.progress)(&decision);
             self.rounds.push(Round { candidates: judged.iter().map(Judged::candidate).collect(), decision });
             let Some((winner, ties)) = choice else { return };
-            self.found.push(Found {
-                term: winner.trial.term.clone(),
-                stderr: vec![],
-                gain: winner.trial.gain,
-                q_value: winner.q_value,
-                ties,
-            });
-            let newest = winner.trial.name();
-            self.model.terms.push(winner.trial.term.clone());
+            let newest = winner.name();
+            let Judged { trial, q_value, .. } = winner;
+            self.model.terms.push(trial.term.clone());
+            self.found.push(Found { term: trial.term, stderr: vec![], gain: trial.gain, q_value, ties });
             self.model = refitted(&self.model, &self.all);
             self.drop_idle(newest);
+        }
+    }
+
+    /// The best candidate that gains more than its placebo, with its ties; those that do not have not passed.
+    fn best(&self, judged: &mut [Judged]) -> Option<(Judged, Vec<String>)> {
+        let mut placebos = None;
+        loop {
+            let (at, ties) = choose(judged)?;
+            let trial = &judged[at].trial;
+            if !placebo::is_telling(trial) {
+                return Some((judged[at].clone(), ties));
+            }
+            let batches = placebos
+                .get_or_insert_with(|| self.batches.each_ref().map(|half| placebo::permuted(&self.model, half, SEED)));
+            let halves = Halves::new(&self.model, batches.each_ref().map(|half| half.iter().collect()));
+            let evidence = evidence(&self.model, &halves.batches[0]);
+            let placebo = Trial::of(&self.model, &trial.term.effect, &halves, &evidence);
+            let beaten = !placebo.is_as_good_as(trial);
+            judged[at].placebo = Some(placebo.gain);
+            if beaten {
+                return Some((judged[at].clone(), ties));
+            }
+            judged[at].passed = false;
         }
     }
 
@@ -151,7 +169,7 @@ impl Search<'_> {
             if overlaps { DOUBT_OF_TABLES * table.trial.gain.value } else { 0.0 }
         };
         let others = self.found.iter().filter(|found| found.term.name() != trial.name());
-        others.map(of).chain(self.tables.iter().map(of_table)).fold(0.0, f64::max)
+        others.map(of).chain(self.tables.iter().map(of_table)).sum()
     }
 
     /// Drops effects whose absence the others make up for; the newest has just been found to be needed.
@@ -221,7 +239,7 @@ impl Search<'_> {
         let they = if names.len() > 1 { "they do not hold their" } else { "it does not hold its" };
         let decision = format!("replace {} by {}: {they} own", names.join(" and "), table.trial.name());
         (self.progress)(&decision);
-        let judged = |trial: Trial, q_value: f64, passed: bool| Judged { trial, q_value, passed }.candidate();
+        let judged = |trial: Trial, q_value: f64, passed: bool| Judged::new(passed, trial, q_value).candidate();
         let mut candidates = vec![judged(table.trial.clone(), table.q_value, true)];
         candidates.push(Candidate { name: names.join(" and "), ..judged(named, q_value, false) });
         self.rounds.push(Round { candidates, decision });
@@ -247,7 +265,7 @@ impl Search<'_> {
             let Some(table) = best else { return };
             let decision = format!("add {}: no effect of the library explains it", table.trial.name());
             (self.progress)(&decision);
-            let judged = Judged { trial: table.trial.clone(), q_value: table.q_value, passed: true };
+            let judged = Judged::new(true, table.trial.clone(), table.q_value);
             self.rounds.push(Round { candidates: vec![judged.candidate()], decision });
             self.add(table);
         }

@@ -1,9 +1,10 @@
 //! What is thought of a candidate.
 
 use super::candidate::Trial;
-use super::outcome::Candidate;
+use super::outcome::{Candidate, Interval};
 
 /// A candidate, and whether it may be claimed.
+#[derive(Clone, Debug)]
 pub struct Judged {
     /// The candidate.
     pub trial: Trial,
@@ -11,9 +12,21 @@ pub struct Judged {
     pub q_value: f64,
     /// Whether it may be claimed.
     pub passed: bool,
+    /// What it gains where what it depends on was drawn by lot, if that was tried.
+    pub placebo: Option<Interval>,
 }
 
 impl Judged {
+    /// A candidate whose placebo has not been tried.
+    pub fn new(passed: bool, trial: Trial, q_value: f64) -> Self {
+        Self { trial, q_value, passed, placebo: None }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        self.trial.name()
+    }
+
     /// What the report says of it.
     pub fn candidate(&self) -> Candidate {
         Candidate {
@@ -21,21 +34,20 @@ impl Judged {
             gain_nats_per_pixel: self.trial.gain,
             q_value: self.q_value,
             passed: self.passed,
+            placebo_gain: self.placebo,
             only_glanced: self.trial.only_glanced,
         }
     }
 }
 
-/// Of those that explain the data as well as the best, the simplest; the others that are no more complicated are its ties.
-pub fn choose(judged: &[Judged]) -> Option<(&Judged, Vec<String>)> {
-    let best = judged.iter().find(|j| j.passed)?;
-    let as_good: Vec<&Judged> =
-        judged.iter().filter(|j| j.passed && (std::ptr::eq(*j, best) || j.trial.is_as_good_as(&best.trial))).collect();
-    let winner = as_good.iter().min_by_key(|j| j.trial.size()).copied()?;
-    let ties = as_good
-        .iter()
-        .filter(|j| !std::ptr::eq(**j, winner) && j.trial.size() <= winner.trial.size())
-        .map(|j| j.trial.name().to_owned())
-        .collect();
-    Some((winner, ties))
+/// Of those that explain the data as well as the best, the simplest, by its place; the others that are no more complicated are its ties.
+pub fn choose(judged: &[Judged]) -> Option<(usize, Vec<String>)> {
+    let best = judged.iter().position(|j| j.passed)?;
+    let is_as_good =
+        |i: &usize| judged[*i].passed && (*i == best || judged[*i].trial.is_as_good_as(&judged[best].trial));
+    let as_good: Vec<usize> = (0..judged.len()).filter(is_as_good).collect();
+    let size = |i: usize| judged[i].trial.size();
+    let winner = as_good.iter().copied().min_by_key(|i| size(*i))?;
+    let ties = as_good.into_iter().filter(|i| *i != winner && size(*i) <= size(winner));
+    Some((winner, ties.map(|i| judged[i].trial.name().to_owned()).collect()))
 }

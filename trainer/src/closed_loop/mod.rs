@@ -23,6 +23,7 @@ pub mod model;
 pub mod network;
 pub mod newton;
 pub mod outcome;
+pub mod placebo;
 pub mod predicted;
 mod problem;
 pub mod refit;

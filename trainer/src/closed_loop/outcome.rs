@@ -61,6 +61,9 @@ pub struct Candidate {
     pub q_value: f64,
     /// Whether it passed everything that a claim asks for.
     pub passed: bool,
+    /// What it gains where what it depends on was drawn by lot; only of those that might have been added.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub placebo_gain: Option<Interval>,
     /// Whether it was tried on a sample only, to which its gain was fitted: others gained far more, or it gained next to nothing.
     pub only_glanced: bool,
 }

@@ -327,7 +327,8 @@ pub(super) fn rounds(report: &Report) -> String {
     }
     format!(
         "<section>\n<h2>Rounds</h2>\n<p>Every effect that the model lacks was fitted to a sample; those that could win, on one half of the scenes and scored on the \
-         other, and the other way round. One that passes gains more likelihood than chance (q &lt; 0.05), more than a minimum, and keeps within plausible numbers.</p>\n{out}</section>\n"
+         other, and the other way round. One that passes gains more likelihood than chance (q &lt; 0.05), more than a minimum, and keeps within plausible numbers; the best of them is also fitted to a placebo, the same scans with their residuals given to rays \
+         drawn by lot, where it must gain less.</p>\n{out}</section>\n"
     )
 }
 
@@ -342,10 +343,13 @@ fn candidates(round: &Round) -> String {
             escaped(c.name.replace('_', " ")),
             if c.only_glanced { String::new() } else { ends },
             if c.only_glanced { "–".into() } else { chance(c.q_value) },
-            match (c.passed, c.only_glanced) {
-                (true, _) => "passes",
-                (false, false) => "does not pass",
-                (false, true) => "sample only",
+            match (c.passed, c.only_glanced, &c.placebo_gain) {
+                (true, _, None) => "passes".into(),
+                (true, _, Some(placebo)) => format!("passes<small>placebo {}</small>", nats(placebo.value)),
+                (false, false, None) => "does not pass".into(),
+                (false, false, Some(placebo)) =>
+                    format!("as good as its placebo<small>{}</small>", nats(placebo.value)),
+                (false, true, _) => String::from("sample only"),
             }
         );
     }

@@ -83,6 +83,7 @@ fn report() -> Report {
         gain_nats_per_pixel: around(gain, 0.05),
         q_value,
         passed,
+        placebo_gain: passed.then(|| around(0.01 * gain, 0.005)),
         only_glanced: false,
     };
     let pieces = (0..RINGS)
