@@ -90,6 +90,12 @@ impl Effect for Blooming {
     }
 }
 
+/// Angle to the nearest target of at least this reflectance in degrees, 0 on the target itself; held to how far ghosts reach.
+pub(super) fn distance_deg(image: &Image, threshold: f64) -> Tensor<3> {
+    let threshold = Tensor::zeros([1, 1, 1], &image.device()) + threshold;
+    Target::nearest(image, &threshold).angle2.clamp_max(ASIDE_DEG * ASIDE_DEG).sqrt()
+}
+
 /// The nearest bright target of each ray.
 #[derive(Clone)]
 struct Target {

@@ -3,10 +3,14 @@
 use burn::tensor::Tensor;
 
 use super::Image;
+use super::blooming;
 use super::neighbours::at;
 
 /// Depth jumps count up to this, in m; a neighbour that hits nothing is one.
 const LARGEST_JUMP_M: f64 = 10.0;
+
+/// Reflectance from which a target is bright: that of retroreflectors.
+const BRIGHT: f64 = 0.8;
 
 /// A number that is known of each ray before anything is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -28,6 +32,8 @@ pub enum Covariate {
     Height,
     /// Largest difference of the range to that of a neighbour along the ring, in m, at most 10.
     DepthJump,
+    /// Angle to the nearest bright target in degrees.
+    BrightDistance,
     /// Phase in the sweep, 0 to 1.
     SweepPhase,
     /// Number of the frame in its recording.
@@ -49,7 +55,7 @@ static PAIRS: [[[&str; 2]; NUMBER]; NUMBER] = {
 
 impl Covariate {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Ring,
         Self::Azimuth,
         Self::Range,
@@ -58,6 +64,7 @@ impl Covariate {
         Self::Class,
         Self::Height,
         Self::DepthJump,
+        Self::BrightDistance,
         Self::SweepPhase,
         Self::Frame,
     ];
@@ -73,6 +80,7 @@ impl Covariate {
             Self::Class => "class",
             Self::Height => "height",
             Self::DepthJump => "depth_jump",
+            Self::BrightDistance => "bright_distance",
             Self::SweepPhase => "sweep_phase",
             Self::Frame => "frame",
         }
@@ -121,6 +129,7 @@ impl Covariate {
                 };
                 jump(-1).max_pair(jump(1)).clamp_max(LARGEST_JUMP_M)
             }
+            Self::BrightDistance => blooming::distance_deg(image, BRIGHT),
             Self::SweepPhase => rays.phase.clone(),
             Self::Frame => image.frame.clone(),
         }

@@ -104,7 +104,7 @@ fn is_logarithmic(covariate: Covariate) -> bool {
 /// A covariate with its unit.
 fn axis(covariate: Covariate) -> String {
     let unit = match covariate {
-        Covariate::Azimuth | Covariate::Incidence => "°",
+        Covariate::Azimuth | Covariate::Incidence | Covariate::BrightDistance => "°",
         Covariate::Range | Covariate::Height | Covariate::DepthJump => "m",
         Covariate::Ring => "0 = top",
         Covariate::SweepPhase => "share of the turn",
