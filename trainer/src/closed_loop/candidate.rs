@@ -145,8 +145,14 @@ impl Trial {
     }
 }
 
-/// Fits every effect that the model lacks: all to a sample, those that could win to everything.
-pub fn try_all(model: &SensorModel, halves: &Halves<'_>, progress: Progress<'_>) -> Vec<Trial> {
+/// Fits every effect that the model lacks: all to a sample, those that could win to everything. `least` is the gain a ray below which a
+/// term is not claimed.
+pub fn try_all(
+    model: &SensorModel,
+    halves: &Halves<'_>,
+    least: impl Fn(&Term) -> f64,
+    progress: Progress<'_>,
+) -> Vec<Trial> {
     let evidence = evidence(model, &halves.batches[0]);
     let lacks = library().into_iter().filter(|effect| !model.has(effect.about().name));
     let glance = |effect: Arc<dyn Effect>| {
@@ -154,7 +160,7 @@ pub fn try_all(model: &SensorModel, halves: &Halves<'_>, progress: Progress<'_>)
         Glance::at(model, &effect, halves, &evidence)
     };
     let glances: Vec<Glance> = lacks.map(glance).collect();
-    let worth_a_look = Glance::worth_a_look(&glances);
+    let worth_a_look = Glance::worth_a_look(&glances, least);
     let look = |(glance, worth): (Glance, bool)| {
         if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(&glance, halves) }
     };

@@ -66,10 +66,13 @@ impl Glance {
         Self { fitted, gain, is_hopeless: of_half.is_nan() || of_half < least }
     }
 
-    /// Of several, those that are worth a look at all scenes.
-    pub fn worth_a_look(glances: &[Self]) -> Vec<bool> {
+    /// Of several, those that are worth a look at all scenes; what gains far less than `least` on the sample that it was fitted to will
+    /// not gain more elsewhere.
+    pub fn worth_a_look(glances: &[Self], least: impl Fn(&Term) -> f64) -> Vec<bool> {
         let most = glances.iter().map(|g| g.gain).fold(0.0, f64::max);
-        glances.iter().map(|g| !g.is_hopeless && g.gain >= WORTH_A_LOOK * most).collect()
+        let could_win = |g: &Self| g.gain >= WORTH_A_LOOK * most;
+        let could_pass = |g: &Self| g.gain >= 0.5 * least(&g.fitted.terms[1]);
+        glances.iter().map(|g| !g.is_hopeless && could_win(g) && could_pass(g)).collect()
     }
 }
 

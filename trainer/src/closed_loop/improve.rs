@@ -95,7 +95,7 @@ impl Search<'_> {
     fn add_named(&mut self) {
         for _ in 0..MOST_ROUNDS {
             let halves = Halves::new(&self.model, self.batches.clone());
-            let trials = try_all(&self.model, &halves, self.progress);
+            let trials = try_all(&self.model, &halves, |term| self.least_gain(term), self.progress);
             let q = benjamini_hochberg(&trials.iter().map(|t| t.p_value).collect::<Vec<_>>());
             let mut judged: Vec<Judged> = trials
                 .into_iter()
@@ -144,15 +144,20 @@ impl Search<'_> {
     fn passes(&self, trial: &Trial, q: f64, rays: f64) -> bool {
         !trial.only_glanced
             && q < FALSE_DISCOVERIES
-            && trial.gain.value > LEAST_GAIN.max(self.doubt(trial))
+            && trial.gain.value > self.least_gain(&trial.term)
             && trial.gain.value * rays > LEAST_NATS + 0.5 * trial.size() as f64
             && trial.gain.ci95[0] > 0.0
             && trial.is_plausible()
     }
 
+    /// Least held-out gain with which a term is claimed, nats a ray.
+    fn least_gain(&self, term: &Term) -> f64 {
+        LEAST_GAIN.max(self.doubt(term))
+    }
+
     /// What a candidate could gain because the image knows less than the effects that were found before it would need.
-    fn doubt(&self, trial: &Trial) -> f64 {
-        let acts_on = trial.term.effect.about().acts_on;
+    fn doubt(&self, term: &Term) -> f64 {
+        let acts_on = term.effect.about().acts_on;
         let of = |found: &Found| {
             let about = found.term.effect.about();
             let share = if found.term.is_geometric() {
@@ -168,7 +173,7 @@ impl Search<'_> {
             let overlaps = table.trial.term.effect.about().acts_on.overlaps(acts_on);
             if overlaps { DOUBT_OF_TABLES * table.trial.gain.value } else { 0.0 }
         };
-        let others = self.found.iter().filter(|found| found.term.name() != trial.name());
+        let others = self.found.iter().filter(|found| found.term.name() != term.name());
         others.map(of).chain(self.tables.iter().map(of_table)).sum()
     }
 
