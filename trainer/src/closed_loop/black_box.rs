@@ -7,6 +7,7 @@ use super::candidate::Trial;
 use super::evidence::evidence;
 use super::halves::Halves;
 use super::model::SensorModel;
+use super::outcome::Unexplained;
 use super::screen::{Dependence, Screening};
 use crate::effects::smooth_table::{SmoothTable, Target};
 use crate::effects::{Channel, Covariate, Effect, Evidence, Image};
@@ -36,6 +37,19 @@ pub struct Table {
     pub q_value: f64,
     /// The table with its gain.
     pub trial: Trial,
+}
+
+impl Table {
+    /// What the report says of it.
+    pub fn unexplained(&self) -> Unexplained {
+        Unexplained {
+            channel: self.channel,
+            covariates: self.covariates.iter().map(|c| c.name().to_owned()).collect(),
+            share_of_residual: self.share,
+            q_value: self.q_value,
+            added_as_table: true,
+        }
+    }
 }
 
 /// The tables that a model could have.

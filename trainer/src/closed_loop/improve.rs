@@ -48,6 +48,9 @@ const DOUBT_OF_TABLES: f64 = 0.02;
 /// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
 const FORM: f64 = 0.05;
 
+/// Share of a channel's residual that still depends on something, from which on it counts as unexplained.
+const SHARE_LEFT: f64 = 0.05;
+
 /// Seed of the screening's bootstrap.
 const SEED: u64 = 1;
 
@@ -311,18 +314,13 @@ impl Search<'_> {
                 ties: vec![],
             })
             .collect();
-        let unexplained = self.tables.iter().map(|table| Unexplained {
-            channel: table.channel,
-            covariates: table.covariates.iter().map(|c| c.name().to_owned()).collect(),
-            share_of_residual: table.share,
-            q_value: table.q_value,
-            added_as_table: true,
-        });
+        let mut unexplained: Vec<Unexplained> = self.tables.iter().map(Table::unexplained).collect();
+        unexplained.extend(left(&screening_after));
         Outcome {
             rounds: self.rounds,
             effects: self.found.into_iter().map(with_errors).collect(),
             declared: declared.into_iter().map(with_errors).collect(),
-            unexplained: unexplained.collect(),
+            unexplained,
             screening_before,
             screening_after,
             caveats: vec![],
@@ -343,4 +341,22 @@ fn channels(acts_on: ActsOn) -> impl Iterator<Item = Channel> {
     ]
     .into_iter()
     .flatten()
+}
+
+/// What still depends on something, the largest share of each channel; no effect or table that was tried passes for it.
+fn left(screening: &Screening) -> Vec<Unexplained> {
+    let mut left: Vec<Unexplained> = Vec::new();
+    for d in &screening.dependences {
+        let is_known = left.iter().any(|u| u.channel == d.channel);
+        if d.share > SHARE_LEFT && d.q_value < FALSE_DISCOVERIES && !d.covariates.is_empty() && !is_known {
+            left.push(Unexplained {
+                channel: d.channel,
+                covariates: d.covariates.iter().map(|c| c.name().to_owned()).collect(),
+                share_of_residual: d.share,
+                q_value: d.q_value,
+                added_as_table: false,
+            });
+        }
+    }
+    left
 }

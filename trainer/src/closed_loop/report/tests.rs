@@ -199,7 +199,7 @@ fn every_kind_of_answer_has_its_words() {
         added_as_table: false,
     });
     let mut unfinished = report();
-    unfinished.outcome.screening_after = screening(0.31);
+    unfinished.outcome.unexplained = open.outcome.unexplained.clone();
     let verdicts = [&several, &nothing, &open].map(Report::verdict);
     assert_eq!(verdicts, [Verdict::EffectsAdded, Verdict::NothingMissing, Verdict::UnexplainedOnly]);
     is_as_in("words.txt", &[&several, &nothing, &open, &unfinished].map(Report::words).join("\n\n"));

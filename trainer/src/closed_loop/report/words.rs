@@ -6,9 +6,6 @@ use crate::closed_loop::model::Term;
 use crate::closed_loop::outcome::{Found, Unexplained};
 use crate::effects::Channel;
 
-/// Share of a channel's residual that still depends on something, from which on the answer says so.
-const SHARE_LEFT: f64 = 0.05;
-
 /// The whole answer, a paragraph a line.
 pub(super) fn summary(report: &Report) -> String {
     let mut lines: Vec<String> = report.outcome.effects.iter().map(found).collect();
@@ -44,7 +41,7 @@ fn declared(known: &Found) -> String {
 pub(super) fn unexplained(what: &Unexplained) -> String {
     let table = if what.added_as_table { "; a smooth table over it has been added" } else { "" };
     format!(
-        "Something is missing that the library has no name for: {} depending on {} ({} of what is not noise{table}).",
+        "Something is missing that the library has no name for: {} depending on {} ({} of the residual{table}).",
         depends(what.channel),
         what.covariates.join(" and ").replace('_', " "),
         percent(what.share_of_residual)
@@ -115,25 +112,11 @@ fn improvement(report: &Report) -> Option<String> {
     Some(format!("Adding {it} takes {others}{last}."))
 }
 
-/// What is left: nothing is said to be complete while the screening still finds something.
+/// What is left.
 fn rest(report: &Report) -> String {
     let outcome = &report.outcome;
-    let left: Vec<String> = outcome
-        .screening_after
-        .dependences
-        .iter()
-        .filter(|d| d.share > SHARE_LEFT && d.q_value < 0.05 && !d.covariates.is_empty())
-        .take(3)
-        .map(|d| {
-            let names: Vec<&str> = d.covariates.iter().map(|c| c.name()).collect();
-            format!("{} on {} ({})", channel_name(d.channel), names.join(" and ").replace('_', " "), percent(d.share))
-        })
-        .collect();
-    if !left.is_empty() {
-        return format!(
-            "This is not all: residuals still depend on something, and no effect or table that was tried passes for it. Largest shares: {}.",
-            left.join(", ")
-        );
+    if outcome.unexplained.iter().any(|u| !u.added_as_table) {
+        return "This is not all: no effect or table that was tried passes for what is left.".into();
     }
     if !outcome.unexplained.is_empty() {
         return "Nothing beyond that was found.".into();
