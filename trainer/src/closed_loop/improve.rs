@@ -5,6 +5,7 @@ use super::black_box::{Table, Tables};
 use super::candidate::{Trial, try_all};
 use super::data::Batch;
 use super::evidence::evidence;
+use super::fit::Manner;
 use super::halves::Halves;
 use super::judged::{Judged, choose};
 use super::model::{SensorModel, Term};
@@ -60,7 +61,7 @@ pub type Progress<'p> = &'p dyn Fn(&str);
 /// Closes the loop on the scenes of both halves. Nothing else is looked at.
 pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progress<'_>) -> Outcome {
     let all = batches.concat();
-    let before = refitted(&before.clone().with_noise_of(&evidence(before, &all)), &all);
+    let before = refitted(&before.clone().with_noise_of(&evidence(before, &all)), &all, Manner::EXACT);
     let screening_before = screen(&before, &all, SEED);
     let mut search = Search {
         model: before.clone(),
@@ -115,7 +116,7 @@ impl Search<'_> {
             let Judged { trial, q_value, .. } = winner;
             self.model.terms.push(trial.term.clone());
             self.found.push(Found { term: trial.term, stderr: vec![], gain: trial.gain, q_value, ties });
-            self.model = refitted(&self.model, &self.all);
+            self.model = refitted(&self.model, &self.all, Manner::TRIAL);
             self.drop_idle(newest);
         }
     }
@@ -185,7 +186,7 @@ impl Search<'_> {
         let older = self.model.effects().iter().filter(|t| t.name() != newest && self.is_found(t.name()));
         for term in older.cloned().collect::<Vec<Term>>() {
             let (name, scope) = (term.name(), Scope::of(&term));
-            let without = refitted(&self.model.without(name), &self.all);
+            let without = refitted(&self.model.without(name), &self.all, Manner::TRIAL);
             let gain = total(&self.model, &self.all, scope) - total(&without, &self.all, scope);
             if gain < LEAST_NATS + term.fitted.len() as f64 {
                 (self.progress)(&format!("drop {name}: the others make up for it"));
@@ -225,7 +226,7 @@ impl Search<'_> {
         let terms: Vec<&Term> = self.model.effects().iter().filter(|t| names.contains(&t.name())).collect();
         let q_value = self.found.iter().filter(are_named).map(|f| f.q_value).fold(0.0, f64::max);
         let without = names.iter().fold(self.model.clone(), |model, name| model.without(name));
-        let without = refitted(&without, &self.all);
+        let without = refitted(&without, &self.all, Manner::TRIAL);
         let halves = Halves::new(&without, self.batches.clone());
         let named = Trial::of_found(&terms, &self.model, &without, &halves);
         let screening = screen(&without, &self.all, SEED);
@@ -290,13 +291,13 @@ impl Search<'_> {
 
     fn add(&mut self, table: Table) {
         self.model.terms.push(table.trial.term.clone());
-        self.model = refitted(&self.model, &self.all);
+        self.model = refitted(&self.model, &self.all, Manner::TRIAL);
         self.tables.push(table);
     }
 
     /// The outcome, everything fitted together once more.
     fn finish(self, before: SensorModel, screening_before: Screening, screening_after: Screening) -> Outcome {
-        let after = refitted(&self.model, &self.all);
+        let after = refitted(&self.model, &self.all, Manner::EXACT);
         let stderr = physical_stderr(&after, &self.all);
         let with_errors = |found: Found| {
             let i = after.terms.iter().position(|t| t.name() == found.term.name());

@@ -10,17 +10,17 @@ use super::significance::few_scenes;
 use crate::effects::ActsOn;
 
 /// A model with every term fitted again, the noise floor included: where it moves rays, the others once more on those that are settled.
-pub fn refitted(model: &SensorModel, batches: &[&Batch]) -> SensorModel {
-    let model = fitted(model, &free(model, |_| true), batches, Scope::All);
+pub fn refitted(model: &SensorModel, batches: &[&Batch], manner: Manner<'_>) -> SensorModel {
+    let model = fitted(model, &free(model, |_| true), batches, Scope::All, manner);
     if model.moves_rays() {
-        fitted(&model, &free(&model, |term| !term.is_geometric()), batches, Scope::Settled)
+        fitted(&model, &free(&model, |term| !term.is_geometric()), batches, Scope::Settled, manner)
     } else {
         model
     }
 }
 
-fn fitted(model: &SensorModel, free: &[Free], batches: &[&Batch], scope: Scope) -> SensorModel {
-    model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, scope }, Manner::EXACT).terms)
+fn fitted(model: &SensorModel, free: &[Free], batches: &[&Batch], scope: Scope, manner: Manner<'_>) -> SensorModel {
+    model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, scope }, manner).terms)
 }
 
 /// Standard errors of every number of a fitted model, in the units of its parameters, widened as few scenes want it.
@@ -36,7 +36,7 @@ pub fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>>
         return errors(model, &free(model, |_| true), Scope::All);
     }
     // On all rays the rest of the model has values of its own; with those of settled rays the likelihood would not be at its maximum.
-    let of_all = fitted(model, &free(model, |term| !term.is_geometric()), batches, Scope::All);
+    let of_all = fitted(model, &free(model, |term| !term.is_geometric()), batches, Scope::All, Manner::EXACT);
     let mut out = errors(&of_all, &free(&of_all, |_| true), Scope::All);
     let settled = errors(model, &free(model, |term| !term.is_geometric()), Scope::Settled);
     let others = model.terms.iter().zip(&mut out).filter(|(term, _)| !term.is_geometric());
