@@ -19,6 +19,8 @@ use crate::effects::{ActsOn, Effect, Evidence, library};
 pub struct Trial {
     /// The effect, fitted on the first half.
     pub term: Term,
+    /// The effects that it was fitted together with, likewise.
+    pub like: Vec<Term>,
     /// Held-out gain of each block, over the likelihoods that the effect acts on.
     pub blocks: Vec<Block>,
     /// Gain a ray.
@@ -50,7 +52,8 @@ impl Trial {
         };
         let first = fitted(&terms, 0);
         let second = fitted(&first.terms, 1);
-        Self::exchanged(first.terms[1].clone(), acts_on, model, [&first, &second], halves)
+        let like = first.terms[2..].to_vec();
+        Self { like, ..Self::exchanged(first.terms[1].clone(), acts_on, model, [&first, &second], halves) }
     }
 
     /// What was only glanced at, with the gain that the glance says.
@@ -63,7 +66,15 @@ impl Trial {
             .map(|score| Block { scene: score.scene, sum: 0.0 })
             .collect();
         let gain = Interval { value: glance.gain, ci95: [glance.gain; 2] };
-        Self { term: glance.fitted.terms[1].clone(), gain, parts: [0.0; 3], p_value: 1.0, blocks, only_glanced: true }
+        Self {
+            term: glance.fitted.terms[1].clone(),
+            like: vec![],
+            gain,
+            parts: [0.0; 3],
+            p_value: 1.0,
+            blocks,
+            only_glanced: true,
+        }
     }
 
     /// Effects of a model, the first of which names and sizes them, against the same model `without` them. They are fitted together with
@@ -112,7 +123,7 @@ impl Trial {
             parts[2] += of(acts_on.returns, after.returns - before.returns);
         }
         let gain = interval(&blocks, rays, 1);
-        Self { term, gain, parts, p_value: p_value(&blocks), blocks, only_glanced: false }
+        Self { term, like: vec![], gain, parts, p_value: p_value(&blocks), blocks, only_glanced: false }
     }
 
     /// Whether every parameter is one that a sensor could have.

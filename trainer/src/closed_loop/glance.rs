@@ -6,7 +6,7 @@ use super::fit::{Fitted, Free, Manner, On, fit};
 use super::halves::{Halves, rays};
 use super::model::{SensorModel, Term};
 use super::score::Scope;
-use crate::effects::{ActsOn, Effect, Evidence, Extent};
+use crate::effects::{ActsOn, Effect, Evidence, Extent, library};
 
 /// Least gain on the half that an effect is fitted to, beside what its numbers gain by chance: an effect with less is never claimed,
 /// for there has to be more than twice this on both halves held out.
@@ -36,8 +36,7 @@ impl Glance {
             if guesses.is_empty() { vec![term.clone()] } else { guesses.iter().map(|s| term.clone().at(s)).collect() };
         let before = halves.baseline(Scope::of(&term));
         let noise = Free::noise(before.noise.clone(), acts_on);
-        let single = term.parameters.iter().all(|p| p.extent == Extent::One);
-        let known = single
+        let known = is_single(&term)
             .then(|| noise.parameters.clone())
             .map(|numbers| before.hessian.select_rows(&numbers).select_columns(&numbers));
         let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::of(&term) };
@@ -76,12 +75,30 @@ impl Glance {
     }
 }
 
+/// What everything that moves rays, and that the model lacks, could gain together, nats a ray of the sample that it is fitted to.
+pub fn gain_of_geometry(model: &SensorModel, halves: &Halves<'_>, evidence: &Evidence) -> f64 {
+    let lacks = library().into_iter().filter(|effect| !model.has(effect.about().name));
+    let terms =
+        lacks.map(|effect| Term::new(effect, evidence.rings)).filter(|term| term.is_geometric() && is_single(term));
+    let terms: Vec<Term> = terms.collect();
+    let Some(acts_on) = terms.iter().map(|term| term.effect.about().acts_on).reduce(ActsOn::or) else { return 0.0 };
+    let before = halves.baseline(Scope::All);
+    let mut free = vec![Free::noise(before.noise.clone(), acts_on)];
+    free.extend(akin(model, &terms[0]));
+    free.extend(terms.into_iter().map(Free::all));
+    let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::All };
+    let fitted = fit(model, &free, &on, Manner { widths: &widths(evidence, acts_on), ..Manner::TRIAL });
+    (fitted.log_likelihood - before.sample.of(acts_on)) / rays(&halves.sample)
+}
+
+fn is_single(term: &Term) -> bool {
+    term.parameters.iter().all(|p| p.extent == Extent::One)
+}
+
 /// Effects of the model's that may have taken a share of another's: those of its channel, if they are single numbers.
 pub fn akin(model: &SensorModel, of: &Term) -> Vec<Free> {
     let channel = of.effect.about().channel;
-    let is_akin = |term: &&Term| {
-        term.effect.about().channel == channel && term.parameters.iter().all(|p| p.extent == Extent::One)
-    };
+    let is_akin = |term: &&Term| term.effect.about().channel == channel && is_single(term);
     model.effects().iter().filter(is_akin).cloned().map(Free::all).collect()
 }
 

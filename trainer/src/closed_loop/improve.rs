@@ -6,6 +6,7 @@ use super::candidate::{Trial, try_all};
 use super::data::Batch;
 use super::evidence::evidence;
 use super::fit::Manner;
+use super::glance::gain_of_geometry;
 use super::halves::Halves;
 use super::judged::{Judged, choose};
 use super::model::{SensorModel, Term};
@@ -48,6 +49,12 @@ const DOUBT_OF_TABLES: f64 = 0.02;
 
 /// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
 const FORM: f64 = 0.05;
+
+/// Share of the best gain from which on an effect that moves rays may be one of several that do.
+const LIKELY: f64 = 0.25;
+
+/// How many times the gain of the best effect what moves rays must gain together to come first.
+const FAR_MORE: f64 = 1.2;
 
 /// Share of a channel's residual that still depends on something, from which on it counts as unexplained.
 const SHARE_LEFT: f64 = 0.05;
@@ -107,25 +114,37 @@ impl Search<'_> {
                 .map(|(trial, q_value)| Judged::new(self.passes(&trial, q_value, halves.rays), trial, q_value))
                 .collect();
             judged.sort_by(|a, b| b.trial.gain.value.total_cmp(&a.trial.gain.value));
-            let choice = self.best(&mut judged);
+            let geometry_first = self.is_geometry_first(&judged, &halves);
+            let choice = self.best(&mut judged, geometry_first);
             let decision = choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.name()));
             (self.progress)(&decision);
             self.rounds.push(Round { candidates: judged.iter().map(Judged::candidate).collect(), decision });
             let Some((winner, ties)) = choice else { return };
             let newest = winner.name();
             let Judged { trial, q_value, .. } = winner;
-            self.model.terms.push(trial.term.clone());
+            self.model = self.model.with(&trial.like).with(std::slice::from_ref(&trial.term));
             self.found.push(Found { term: trial.term, stderr: vec![], gain: trial.gain, q_value, ties });
             self.model = refitted(&self.model, &self.all, Manner::TRIAL);
             self.drop_idle(newest);
         }
     }
 
+    /// Whether what moves rays explains more, taken together, than the best single effect, which is none of them: where several effects
+    /// move rays each explains little alone, and what lets ranges scatter makes up for all of them.
+    fn is_geometry_first(&self, judged: &[Judged], halves: &Halves<'_>) -> bool {
+        let Some(best) = judged.iter().find(|j| j.passed) else { return false };
+        let is_likely = |j: &Judged| j.trial.term.is_geometric() && j.trial.gain.value > LIKELY * best.trial.gain.value;
+        !best.trial.term.is_geometric()
+            && judged.iter().any(|j| j.passed && is_likely(j))
+            && gain_of_geometry(&self.model, halves, &evidence(&self.model, &halves.sample))
+                > FAR_MORE * best.trial.gain.value
+    }
+
     /// The best candidate that gains more than its placebo, with its ties; those that do not have not passed.
-    fn best(&self, judged: &mut [Judged]) -> Option<(Judged, Vec<String>)> {
+    fn best(&self, judged: &mut [Judged], geometry_first: bool) -> Option<(Judged, Vec<String>)> {
         let mut placebos = None;
         loop {
-            let (at, ties) = choose(judged)?;
+            let (at, ties) = choose(judged, |j| !geometry_first || j.trial.term.is_geometric())?;
             let trial = &judged[at].trial;
             if !placebo::is_telling(trial) {
                 return Some((judged[at].clone(), ties));
@@ -302,7 +321,9 @@ impl Search<'_> {
         let with_errors = |found: Found| {
             let i = after.terms.iter().position(|t| t.name() == found.term.name());
             let i = i.unwrap_or_else(|| unreachable!("what was found is in the model"));
-            Found { term: after.terms[i].clone(), stderr: stderr[i].clone(), ..found }
+            // What was added later after all is no tie.
+            let ties = found.ties.iter().filter(|tie| !after.has(tie)).cloned().collect();
+            Found { term: after.terms[i].clone(), stderr: stderr[i].clone(), ties, ..found }
         };
         let declared: Vec<Found> = before
             .effects()

@@ -40,11 +40,12 @@ impl Judged {
     }
 }
 
-/// Of those that explain the data as well as the best, the simplest, by its place; the others that are no more complicated are its ties.
-pub fn choose(judged: &[Judged]) -> Option<(usize, Vec<String>)> {
-    let best = judged.iter().position(|j| j.passed)?;
-    let is_as_good =
-        |i: &usize| judged[*i].passed && (*i == best || judged[*i].trial.is_as_good_as(&judged[best].trial));
+/// Of those `among` the passed that explain the data as well as the best, the simplest, by its place; the others that are no more complicated are its ties.
+pub fn choose(judged: &[Judged], among: impl Fn(&Judged) -> bool) -> Option<(usize, Vec<String>)> {
+    let best = judged.iter().position(|j| j.passed && among(j))?;
+    let is_as_good = |i: &usize| {
+        judged[*i].passed && among(&judged[*i]) && (*i == best || judged[*i].trial.is_as_good_as(&judged[best].trial))
+    };
     let as_good: Vec<usize> = (0..judged.len()).filter(is_as_good).collect();
     let size = |i: usize| judged[i].trial.size();
     let winner = as_good.iter().copied().min_by_key(|i| size(*i))?;
