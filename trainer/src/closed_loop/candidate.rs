@@ -77,9 +77,9 @@ impl Trial {
         }
     }
 
-    /// Effects of a model, the first of which names and sizes them, against the same model `without` them. They are fitted together with
-    /// their like, which may take a share of what they did when they are gone.
-    pub fn of_found(found: &[&Term], model: &SensorModel, without: &SensorModel, halves: &Halves<'_>) -> Self {
+    /// Effects of a model, the first of which names and sizes them, against the same model without them, which `halves` are of. They are
+    /// fitted together with their like, which may take a share of what they did when they are gone.
+    pub fn of_found(found: &[&Term], model: &SensorModel, halves: &Halves<'_>) -> Self {
         let acts_on = found.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
         let mut free = vec![Free::noise(model.terms[0].clone(), acts_on)];
         free.extend(found.iter().map(|term| Free::all((*term).clone())));
@@ -94,7 +94,7 @@ impl Trial {
             fit(model, &free, &on, Manner::TRIAL)
         };
         let [first, second] = halves.batches.each_ref().map(fitted);
-        Self::exchanged(found[0].clone(), acts_on, without, [&first, &second], halves)
+        Self::exchanged(found[0].clone(), acts_on, model, [&first, &second], halves)
     }
 
     /// What each half's fit is worth on the other.

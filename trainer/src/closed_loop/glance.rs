@@ -95,10 +95,11 @@ fn is_single(term: &Term) -> bool {
     term.parameters.iter().all(|p| p.extent == Extent::One)
 }
 
-/// Effects of the model's that may have taken a share of another's: those of its channel, if they are single numbers.
+/// Effects of the model's that may have taken a share of another's: those of its channel, tables aside.
 pub fn akin(model: &SensorModel, of: &Term) -> Vec<Free> {
     let channel = of.effect.about().channel;
-    let is_akin = |term: &&Term| term.effect.about().channel == channel && is_single(term);
+    let is_table = |term: &Term| term.parameters.iter().any(|p| matches!(p.extent, Extent::Knots(_)));
+    let is_akin = |term: &&Term| term.effect.about().channel == channel && !is_table(term);
     model.effects().iter().filter(is_akin).cloned().map(Free::all).collect()
 }
 

@@ -4,11 +4,13 @@
 use super::black_box::{Table, Tables};
 use super::candidate::{Trial, try_all};
 use super::data::Batch;
+use super::doubt;
 use super::evidence::evidence;
 use super::fit::Manner;
 use super::glance::gain_of_geometry;
 use super::halves::Halves;
 use super::judged::{Judged, choose};
+use super::left::{left, limit};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
 use super::placebo;
@@ -37,16 +39,6 @@ const MOST_TABLES: usize = 3;
 /// more than that its form is not exact, the second.
 const HOLDS_ITS_OWN: [f64; 2] = [0.8, 0.5];
 
-/// Share of the gain of an effect that moves rays below which whatever else seems to be missing may be what an image does not know of the
-/// surfaces that moved rays hit.
-const DOUBT_OF_SURFACES: f64 = 0.003;
-
-/// The same of an effect over the angle of incidence, which an image shows only roughly.
-const DOUBT_OF_INCIDENCE: f64 = 0.01;
-
-/// The same of a table, whose knots follow what it stands for only so closely.
-const DOUBT_OF_TABLES: f64 = 0.02;
-
 /// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
 const FORM: f64 = 0.05;
 
@@ -55,9 +47,6 @@ const LIKELY: f64 = 0.25;
 
 /// How many times the gain of the best effect what moves rays must gain together to come first.
 const FAR_MORE: f64 = 1.2;
-
-/// Share of a channel's residual that still depends on something, from which on it counts as unexplained.
-const SHARE_LEFT: f64 = 0.05;
 
 /// Seed of the screening's bootstrap.
 const SEED: u64 = 1;
@@ -175,29 +164,15 @@ impl Search<'_> {
 
     /// Least held-out gain with which a term is claimed, nats a ray.
     fn least_gain(&self, term: &Term) -> f64 {
-        LEAST_GAIN.max(self.doubt(term))
+        LEAST_GAIN.max(self.doubt(term.effect.about().acts_on, term.name()))
     }
 
-    /// What a candidate could gain because the image knows less than the effects that were found before it would need.
-    fn doubt(&self, term: &Term) -> f64 {
-        let acts_on = term.effect.about().acts_on;
-        let of = |found: &Found| {
-            let about = found.term.effect.about();
-            let share = if found.term.is_geometric() {
-                DOUBT_OF_SURFACES
-            } else if about.covariates.contains(&"incidence") && about.acts_on.overlaps(acts_on) {
-                DOUBT_OF_INCIDENCE
-            } else {
-                0.0
-            };
-            share * found.gain.value
-        };
-        let of_table = |table: &Table| {
-            let overlaps = table.trial.term.effect.about().acts_on.overlaps(acts_on);
-            if overlaps { DOUBT_OF_TABLES * table.trial.gain.value } else { 0.0 }
-        };
-        let others = self.found.iter().filter(|found| found.term.name() != term.name());
-        others.map(of).chain(self.tables.iter().map(of_table)).sum()
+    /// What something that acts on these likelihoods could gain because the image knows less than the effects that were found need; an
+    /// effect does not doubt itself.
+    fn doubt(&self, acts_on: ActsOn, name: &str) -> f64 {
+        let others = self.found.iter().filter(|found| found.term.name() != name);
+        let beside_effects: f64 = others.map(|found| doubt::beside(found, acts_on)).sum();
+        beside_effects + self.tables.iter().map(|table| doubt::beside_table(table, acts_on)).sum::<f64>()
     }
 
     /// Drops effects whose absence the others make up for; the newest has just been found to be needed.
@@ -247,7 +222,7 @@ impl Search<'_> {
         let without = names.iter().fold(self.model.clone(), |model, name| model.without(name));
         let without = refitted(&without, &self.all, Manner::TRIAL);
         let halves = Halves::new(&without, self.batches.clone());
-        let named = Trial::of_found(&terms, &self.model, &without, &halves);
+        let named = Trial::of_found(&terms, &self.model, &halves);
         let screening = screen(&without, &self.all, SEED);
         // Several effects have no excuse: a single table that is better than all of them knows what they do not.
         let own = terms[0].effect.about().covariates;
@@ -321,9 +296,13 @@ impl Search<'_> {
         let with_errors = |found: Found| {
             let i = after.terms.iter().position(|t| t.name() == found.term.name());
             let i = i.unwrap_or_else(|| unreachable!("what was found is in the model"));
-            // What was added later after all is no tie.
-            let ties = found.ties.iter().filter(|tie| !after.has(tie)).cloned().collect();
-            Found { term: after.terms[i].clone(), stderr: stderr[i].clone(), ties, ..found }
+            let (term, stderr) = (after.terms[i].clone(), stderr[i].clone());
+            let lasting = term.effect.ties(&term.physical(), &stderr).iter().map(|tie| (*tie).to_owned());
+            let mut ties: Vec<String> = found.ties.into_iter().chain(lasting).collect();
+            // What was added after all is no tie.
+            ties.retain(|tie| !after.has(tie));
+            ties.dedup();
+            Found { term, stderr, gain: found.gain, q_value: found.q_value, ties }
         };
         let declared: Vec<Found> = before
             .effects()
@@ -337,7 +316,9 @@ impl Search<'_> {
             })
             .collect();
         let mut unexplained: Vec<Unexplained> = self.tables.iter().map(Table::unexplained).collect();
-        unexplained.extend(left(&screening_after));
+        let (of_images, of_sensor): (Vec<Unexplained>, Vec<Unexplained>) =
+            left(&screening_after).into_iter().partition(|u| self.doubt(doubt::likelihoods(u.channel), "") > 0.0);
+        unexplained.extend(of_sensor);
         Outcome {
             rounds: self.rounds,
             effects: self.found.into_iter().map(with_errors).collect(),
@@ -345,7 +326,7 @@ impl Search<'_> {
             unexplained,
             screening_before,
             screening_after,
-            caveats: vec![],
+            caveats: of_images.iter().map(limit).collect(),
             before,
             after,
         }
@@ -363,22 +344,4 @@ fn channels(acts_on: ActsOn) -> impl Iterator<Item = Channel> {
     ]
     .into_iter()
     .flatten()
-}
-
-/// What still depends on something, the largest share of each channel; no effect or table that was tried passes for it.
-fn left(screening: &Screening) -> Vec<Unexplained> {
-    let mut left: Vec<Unexplained> = Vec::new();
-    for d in &screening.dependences {
-        let is_known = left.iter().any(|u| u.channel == d.channel);
-        if d.share > SHARE_LEFT && d.q_value < FALSE_DISCOVERIES && !d.covariates.is_empty() && !is_known {
-            left.push(Unexplained {
-                channel: d.channel,
-                covariates: d.covariates.iter().map(|c| c.name().to_owned()).collect(),
-                share_of_residual: d.share,
-                q_value: d.q_value,
-                added_as_table: false,
-            });
-        }
-    }
-    left
 }

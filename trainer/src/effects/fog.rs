@@ -29,6 +29,11 @@ impl Effect for Fog {
         image.report.keep = image.report.keep * (depth * values.one(1)).exp();
         image
     }
+
+    /// Fog that takes more light than returns is a thinner fog, κ·α, whose κ is 1, and a fall-off with range of (1 − κ)·α.
+    fn ties(&self, values: &[f64], stderr: &[f64]) -> &'static [&'static str] {
+        if values[1] + 2.0 * stderr[1] < 1.0 { &["reflectance_falloff"] } else { &[] }
+    }
 }
 
 #[cfg(test)]
@@ -42,5 +47,11 @@ mod tests {
     fn a_fit_finds_the_same_loss_in_reflectance_and_returns() {
         Trial::of(Arc::new(Fog), &[0.012, 1.0]).each_within(&[0.0005, 0.1]);
         Trial::of(Arc::new(Fog), &[0.005, 0.3]).each_within(&[0.0005, 0.2]);
+    }
+
+    #[test]
+    fn fog_that_takes_more_light_than_returns_may_be_two_things() {
+        assert!(Fog.ties(&[0.01, 0.9], &[0.001, 0.1]).is_empty());
+        assert_eq!(Fog.ties(&[0.01, 0.5], &[0.001, 0.1]), ["reflectance_falloff"]);
     }
 }

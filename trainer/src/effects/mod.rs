@@ -96,6 +96,12 @@ pub trait Effect: Debug + Send + Sync {
         vec![]
     }
 
+    /// Effects of the library that, with a part of its numbers' size, make the same reports beside a weaker one of it: no data tell which
+    /// it is. `stderr` are the standard errors of `values`.
+    fn ties(&self, _values: &[f64], _stderr: &[f64]) -> &'static [&'static str] {
+        &[]
+    }
+
     /// The same as its numbers `values` say, in words that people are used to: name with unit, value.
     fn derived(&self, _values: &[f64]) -> Vec<(&'static str, f64)> {
         vec![]
