@@ -14,6 +14,9 @@ pub const CHANNELS: [Channel; 5] =
 /// Standardised residuals are held to this.
 const LARGEST: f64 = 4.0;
 
+/// Range residuals count up to this in pictures, in m: a stray return is no bias.
+const LARGEST_M: f64 = 1.0;
+
 /// Squares are held above this, for the logarithm of a residual that happens to be 0 says nothing.
 const LEAST_SQUARE: f64 = 1e-3;
 
@@ -81,8 +84,8 @@ fn says(rays: &Predicted, i: usize) -> bool {
 
 fn range(rays: &Predicted, i: usize) -> Option<(f64, f64)> {
     says(rays, i).then(|| {
-        let u = rays.standardised_range(i).clamp(-LARGEST, LARGEST);
-        (u, u * f64::from(rays.sigma_m[i]))
+        let off_m = f64::from(rays.measured_range_m[i] - rays.range_m[i]);
+        (rays.standardised_range(i).clamp(-LARGEST, LARGEST), off_m.clamp(-LARGEST_M, LARGEST_M))
     })
 }
 
@@ -97,8 +100,8 @@ fn range_variance(rays: &Predicted, i: usize) -> Option<(f64, f64)> {
 fn reflectance(rays: &Predicted, i: usize) -> Option<(f64, f64)> {
     (rays.is_return_of_a_surface(i) && rays.certain[i]).then(|| {
         let sigma = f64::from(rays.reflectance_sigma[i].max(1e-6));
-        let u = (f64::from(rays.measured_reflectance[i] - rays.reflectance[i]) / sigma).clamp(-LARGEST, LARGEST);
-        (u, u * sigma)
+        let off = f64::from(rays.measured_reflectance[i] - rays.reflectance[i]);
+        ((off / sigma).clamp(-LARGEST, LARGEST), off)
     })
 }
 
