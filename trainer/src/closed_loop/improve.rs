@@ -39,6 +39,9 @@ const MOST_TABLES: usize = 3;
 /// more than that its form is not exact, the second.
 const HOLDS_ITS_OWN: [f64; 2] = [0.8, 0.5];
 
+/// The same of several effects together.
+const HOLD_THEIR_OWN: [f64; 2] = [1.0, 0.95];
+
 /// Share of a named effect's gain below which a table over the same covariates is about the effect's form.
 const FORM: f64 = 0.05;
 
@@ -224,12 +227,11 @@ impl Search<'_> {
         let halves = Halves::new(&without, self.batches.clone());
         let named = Trial::of_found(&terms, &self.model, &halves);
         let screening = screen(&without, &self.all, SEED);
-        // Several effects have no excuse: a single table that is better than all of them knows what they do not.
-        let own = terms[0].effect.about().covariates;
-        let enough = |table: &Table| match names.len() {
-            1 if table.covariates.iter().all(|c| own.contains(&c.name())) => HOLDS_ITS_OWN[1],
-            1 => HOLDS_ITS_OWN[0],
-            _ => 1.0,
+        // Several effects have little excuse: a single table that is better than all of them knows what they do not.
+        let own: Vec<&str> = terms.iter().flat_map(|t| t.effect.about().covariates.iter().copied()).collect();
+        let enough = |table: &Table| {
+            let share = if names.len() > 1 { HOLD_THEIR_OWN } else { HOLDS_ITS_OWN };
+            share[usize::from(table.covariates.iter().all(|c| own.contains(&c.name())))]
         };
         let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
         let tables = Tables::new(&without, &halves, &screening);
