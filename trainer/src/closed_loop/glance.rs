@@ -15,6 +15,10 @@ const LEAST_NATS_ON_A_HALF: f64 = 3.0;
 /// Share of the best effect's gain on the sample from which on an effect is worth more than a glance: it could be no winner.
 const WORTH_A_LOOK: f64 = 0.25;
 
+/// Share of the least gain that can be claimed which a gain on the sample has to reach to be worth more than a glance: what gains far
+/// less where it was fitted will not gain more elsewhere.
+const COULD_PASS: f64 = 0.5;
+
 /// What a first fit on the sample says of an effect that a model lacks.
 #[derive(Clone, Debug)]
 pub struct Glance {
@@ -65,12 +69,11 @@ impl Glance {
         Self { fitted, gain, is_hopeless: of_half.is_nan() || of_half < least }
     }
 
-    /// Of several, those that are worth a look at all scenes; what gains far less than `least` on the sample that it was fitted to will
-    /// not gain more elsewhere.
+    /// Of several, those that are worth a look at all scenes; `least` is the gain a ray below which a term is not claimed.
     pub fn worth_a_look(glances: &[Self], least: impl Fn(&Term) -> f64) -> Vec<bool> {
         let most = glances.iter().map(|g| g.gain).fold(0.0, f64::max);
         let could_win = |g: &Self| g.gain >= WORTH_A_LOOK * most;
-        let could_pass = |g: &Self| g.gain >= 0.5 * least(&g.fitted.terms[1]);
+        let could_pass = |g: &Self| g.gain >= COULD_PASS * least(&g.fitted.terms[1]);
         glances.iter().map(|g| !g.is_hopeless && could_win(g) && could_pass(g)).collect()
     }
 }
@@ -106,6 +109,9 @@ pub fn akin(model: &SensorModel, of: &Term) -> Vec<Free> {
 /// By how much a fit should begin with widened normals: not at all where the residual is what the noise floor says, else by what it
 /// reaches and by the geometric mean of that and the noise.
 fn widths(evidence: &Evidence, acts_on: ActsOn) -> Vec<f64> {
+    if !acts_on.range && !acts_on.reflectance {
+        return vec![];
+    }
     let residual = |i: usize| {
         if acts_on.range {
             evidence.measured_range_m[i] - evidence.range_m[i]
@@ -113,9 +119,6 @@ fn widths(evidence: &Evidence, acts_on: ActsOn) -> Vec<f64> {
             evidence.measured_reflectance[i] - evidence.reflectance[i]
         }
     };
-    if !acts_on.range && !acts_on.reflectance {
-        return vec![];
-    }
     let of_surfaces = || evidence.pixels().filter(|i| evidence.returned(*i) && evidence.range_m[*i] > 0.0);
     let of = |q| Evidence::quantile(of_surfaces().map(|i| residual(i).abs()), q).unwrap_or(0.0);
     let (most, noise) = (of(0.85).min(1.0), (of(0.5) / 0.674_5).max(1e-3));

@@ -1,6 +1,8 @@
 //! The loop itself: try every effect that the model lacks, add the best that holds its own, refit all, drop what no longer earns its
 //! place, and stop when nothing passes.
 
+use std::cell::OnceCell;
+
 use super::black_box::{Table, Tables};
 use super::candidate::{Trial, try_all};
 use super::data::Batch;
@@ -13,7 +15,7 @@ use super::judged::{Judged, choose};
 use super::left::{left, limit};
 use super::model::{SensorModel, Term};
 use super::outcome::{Candidate, Found, Interval, Outcome, Round, Unexplained};
-use super::placebo;
+use super::placebo::{self, permuted};
 use super::refit::{physical_stderr, refitted};
 use super::score::{Scope, total};
 use super::screen::{Screening, screen};
@@ -60,7 +62,8 @@ pub type Progress<'p> = &'p dyn Fn(&str);
 /// Closes the loop on the scenes of both halves. Nothing else is looked at.
 pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progress<'_>) -> Outcome {
     let all = batches.concat();
-    let before = refitted(&before.clone().with_noise_of(&evidence(before, &all)), &all, Manner::EXACT);
+    let before = before.clone().with_noise_of(&evidence(before, &all));
+    let before = refitted(&before, &all, Manner::EXACT);
     let screening_before = screen(&before, &all, SEED);
     let mut search = Search {
         model: before.clone(),
@@ -134,18 +137,20 @@ impl Search<'_> {
 
     /// The best candidate that gains more than its placebo, with its ties; those that do not have not passed.
     fn best(&self, judged: &mut [Judged], geometry_first: bool) -> Option<(Judged, Vec<String>)> {
-        let mut placebos = None;
+        let (scans, there) = (OnceCell::new(), OnceCell::new());
         loop {
             let (at, ties) = choose(judged, |j| !geometry_first || j.trial.term.is_geometric())?;
             let trial = &judged[at].trial;
             if !placebo::is_telling(trial) {
                 return Some((judged[at].clone(), ties));
             }
-            let batches = placebos
-                .get_or_insert_with(|| self.batches.each_ref().map(|half| placebo::permuted(&self.model, half, SEED)));
-            let halves = Halves::new(&self.model, batches.each_ref().map(|half| half.iter().collect()));
-            let evidence = evidence(&self.model, &halves.batches[0]);
-            let placebo = Trial::of(&self.model, &trial.term.effect, &halves, &evidence);
+            let scans = scans.get_or_init(|| self.batches.each_ref().map(|half| permuted(&self.model, half, SEED)));
+            let (halves, evidence) = there.get_or_init(|| {
+                let halves = Halves::new(&self.model, scans.each_ref().map(|half| half.iter().collect()));
+                let evidence = evidence(&self.model, &halves.batches[0]);
+                (halves, evidence)
+            });
+            let placebo = Trial::of(&self.model, &trial.term.effect, halves, evidence);
             let beaten = !placebo.is_as_good_as(trial);
             judged[at].placebo = Some(placebo.gain);
             if beaten {

@@ -40,7 +40,8 @@ impl Judged {
     }
 }
 
-/// Of those `among` the passed that explain the data as well as the best, the simplest, by its place; the others that are no more complicated are its ties.
+/// Of those `among` the passed that explain the data as well as the best, the simplest, by its place; the others that are no more
+/// complicated are its ties.
 pub fn choose(judged: &[Judged], among: impl Fn(&Judged) -> bool) -> Option<(usize, Vec<String>)> {
     let best = judged.iter().position(|j| j.passed && among(j))?;
     let is_as_good = |i: &usize| {

@@ -95,3 +95,53 @@ impl Rays {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::evidence::evidence;
+    use crate::closed_loop::halves::Halves;
+    use crate::closed_loop::model::Term;
+    use crate::effects::library;
+    use crate::effects::trial::{measured_by, sensor};
+
+    #[test]
+    fn an_effect_gains_from_its_covariate_and_not_from_the_same_residuals_elsewhere() {
+        let rings = sensor().rings().len();
+        let mut ideal = SensorModel::ideal(rings);
+        ideal.terms[0] = ideal.terms[0].clone().at(&[0.02, 0.02, 0.05, 1e-4, 1e-4]);
+        let effect = library().into_iter().find(|e| e.about().name == "range_scale").expect("the effect");
+        let truth = ideal.with(&[Term::new(effect.clone(), rings).at(&[0.005])]);
+        let measured = measured_by(&truth, &sensor());
+        let scans: Vec<&Batch> = measured.iter().collect();
+        let drawn = permuted(&ideal, &scans, 1);
+
+        let residuals = |batches: &[&Batch]| {
+            let rays: Vec<Rays> = batches.iter().map(|b| Rays::new(&ideal, b)).collect();
+            let of = |r: Residual| match r {
+                Residual::Lost => [f32::NAN; 2],
+                Residual::Off { range_m, reflectance } => [range_m, reflectance],
+            };
+            rays.iter().flat_map(Rays::residuals).map(of).collect::<Vec<_>>()
+        };
+        let (before, after) = (residuals(&scans), residuals(&drawn.iter().collect::<Vec<_>>()));
+        let sorted = |residuals: &[[f32; 2]]| {
+            let mut ranges: Vec<f32> = residuals.iter().map(|r| r[0]).collect();
+            ranges.sort_by(f32::total_cmp);
+            ranges
+        };
+        let moved = before.iter().zip(&after).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-3).count();
+        assert!(moved > before.len() / 2, "only {moved} of {} moved", before.len());
+        for (a, b) in sorted(&before).into_iter().zip(sorted(&after)) {
+            assert!(a.is_nan() == b.is_nan() && (a.is_nan() || (a - b).abs() < 1e-4), "{a} became {b}");
+        }
+
+        let gain = |batches: &[&Batch]| {
+            let halves = Halves::new(&ideal, [batches[..2].to_vec(), batches[2..].to_vec()]);
+            Trial::of(&ideal, &effect, &halves, &evidence(&ideal, &halves.batches[0]))
+        };
+        let (there, here) = (gain(&drawn.iter().collect::<Vec<_>>()), gain(&scans));
+        assert!(here.gain.ci95[0] > 0.0 && !there.is_as_good_as(&here), "{:?} and {:?}", here.gain, there.gain);
+        assert!(there.gain.value < 0.05 * here.gain.value, "{:?} and {:?}", here.gain, there.gain);
+    }
+}

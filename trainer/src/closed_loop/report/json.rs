@@ -1,5 +1,6 @@
 //! `report.json`: what other programs read. Keys stay as they are; new ones may come.
 
+use anyhow::Context;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
@@ -14,6 +15,11 @@ pub(in crate::closed_loop) const SCHEMA: u32 = 1;
 
 /// Dependences that are listed of each screening: the strongest.
 const LISTED: usize = 40;
+
+/// A document's text.
+pub(in crate::closed_loop) fn text(document: &impl Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(document).context("report.json")? + "\n")
+}
 
 /// The whole document.
 #[derive(Serialize)]

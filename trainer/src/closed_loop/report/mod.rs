@@ -10,7 +10,6 @@ pub(super) mod words;
 
 use std::path::Path;
 
-use anyhow::Context;
 use lidar::RangeImage;
 use lidar::formats::write_atomically;
 use serde::Serialize;
@@ -125,9 +124,7 @@ impl Report {
 
     /// `report.json`.
     pub fn json(&self) -> anyhow::Result<String> {
-        let mut text = serde_json::to_string_pretty(&json::Document::new(self)).context("report.json")?;
-        text.push('\n');
-        Ok(text)
+        json::text(&json::Document::new(self))
     }
 
     /// `report.html`: one file that needs no other.

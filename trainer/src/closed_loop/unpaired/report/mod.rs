@@ -5,9 +5,8 @@ mod page;
 mod plot;
 mod words;
 
-use anyhow::Context;
-
 use super::{Finding, Over};
+use crate::closed_loop::report::json::text;
 
 /// Everything that a report shows.
 #[derive(Clone, Debug)]
@@ -34,9 +33,7 @@ impl UnpairedReport {
 
     /// `report.json`.
     pub fn json(&self) -> anyhow::Result<String> {
-        let mut text = serde_json::to_string_pretty(&json::Document::new(self)).context("report.json")?;
-        text.push('\n');
-        Ok(text)
+        text(&json::Document::new(self))
     }
 
     /// `report.html`: one file that needs no other.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::words::sentence;
 use super::{UnpairedReport, plot};
 use crate::closed_loop::report::Verdict;
-use crate::closed_loop::report::html::{STYLE, escaped};
+use crate::closed_loop::report::html::{Page, escaped};
 use crate::closed_loop::report::numbers::{chance, digits, interval, percent, with_error};
 use crate::closed_loop::unpaired::{CANNOT_BE_SEEN, Tried, Unseen};
 use crate::effects::library;
@@ -13,55 +13,40 @@ use crate::effects::library;
 /// Most numbers of a parameter that are written out: the curve shows more.
 const WRITTEN_OUT: usize = 8;
 
-/// The whole page; it needs no other file and no script.
+/// The report's page.
 pub(super) fn page(report: &UnpairedReport) -> String {
     let finding = &report.finding;
-    let title = escaped(format_args!("{}: what its model lacks, seen without twins", report.sensor));
-    let (class, verdict) = match finding.verdict() {
-        Verdict::NothingMissing => ("good", "Nothing is missing of what can be seen"),
-        Verdict::EffectsAdded => ("added", "Effects were missing and have been added"),
-        Verdict::UnexplainedOnly => ("open", "Something without a name is missing"),
-    };
     let words = report.words();
-    let told = words.lines().filter(|l| !l.starts_with("Note: ") && !l.starts_with("Scans of different places"));
-    let sentences = told.map(|line| format!("<p>{}</p>", escaped(line))).collect::<Vec<_>>().concat();
-    let sections =
-        [table(report), finding.tried.iter().map(article).collect(), unseen(), caveats(report), provenance(report)];
-    let [simulated, measured] = finding.scenes;
+    let is_shown_elsewhere = |line: &str| line.starts_with("Note: ") || line.starts_with("Scans of different places");
+    let page = Page {
+        kicker: "closed loop, unpaired",
+        title: format!("{}: what its model lacks, seen without twins", report.sensor),
+        subtitle: subtitle(report),
+        verdict: finding.verdict(),
+        headline: match finding.verdict() {
+            Verdict::NothingMissing => "Nothing is missing of what can be seen",
+            Verdict::EffectsAdded => "Effects were missing and have been added",
+            Verdict::UnexplainedOnly => "Something without a name is missing",
+        },
+        sentences: words.lines().filter(|line| !is_shown_elsewhere(line)).collect(),
+        sections: vec![
+            table(report),
+            finding.tried.iter().map(article).collect(),
+            unseen(),
+            caveats(report),
+            provenance(report),
+        ],
+    };
+    page.html()
+}
+
+fn subtitle(report: &UnpairedReport) -> String {
+    let [simulated, measured] = report.finding.scenes;
+    let [confirm_simulated, confirm_measured] = report.finding.confirm;
     format!(
-        r#"<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>
-{STYLE}</style>
-</head>
-<body>
-<header>
-<p class="kicker">Realbeam · closed loop, unpaired</p>
-<h1>{title}</h1>
-<p class="subtitle">{set}: {measured} measured scenes ({} scans) against {simulated} simulated scenes of other places ({} scans); {} and {} of them were opened
-once, at the end · seed {seed}</p>
-</header>
-<main>
-<section class="verdict {class}">
-<h2>{verdict}</h2>
-{sentences}
-</section>
-{sections}
-</main>
-</body>
-</html>
-"#,
-        report.scans[1],
-        report.scans[0],
-        finding.confirm[1],
-        finding.confirm[0],
-        set = escaped(&report.set),
-        seed = report.seed,
-        sections = sections.concat(),
+        "{}: {measured} measured scenes ({} scans) against {simulated} simulated scenes of other places ({} scans); \
+         {confirm_measured} and {confirm_simulated} of them were opened once, at the end · seed {}",
+        report.set, report.scans[1], report.scans[0], report.seed
     )
 }
 
