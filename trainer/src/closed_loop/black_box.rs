@@ -98,7 +98,7 @@ impl<'a> Tables<'a> {
             covariates: dependence.covariates.clone(),
             share: dependence.share,
             q_value: dependence.q_value,
-            trial: Trial::of(self.model, &effect, self.halves, &self.evidence),
+            trial: Trial::of(self.model, &effect, self.halves, &self.evidence, 0.0),
         })
     }
 }

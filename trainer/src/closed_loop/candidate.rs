@@ -6,7 +6,7 @@ use super::data::Batch;
 use super::evidence::evidence;
 use super::fit::{Fitted, Free, Manner, On, fit};
 use super::glance::{Glance, akin};
-use super::halves::Halves;
+use super::halves::{Halves, rays};
 use super::improve::Progress;
 use super::model::{SensorModel, Term};
 use super::outcome::Interval;
@@ -34,24 +34,36 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Fits and scores an effect that the model lacks; one that a glance shows to be hopeless is not looked at any further.
-    pub fn of(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
+    /// Fits and scores an effect that the model lacks; one of which a glance shows that it is hopeless, or gains less than `least` nats a
+    /// ray even where it is fitted, is not looked at any further.
+    pub fn of(
+        model: &SensorModel,
+        effect: &Arc<dyn Effect>,
+        halves: &Halves<'_>,
+        evidence: &Evidence,
+        least: f64,
+    ) -> Self {
         let glance = Glance::at(model, effect, halves, evidence);
-        if glance.is_hopeless { Self::not_tried(&glance, halves) } else { Self::after(model, glance, halves) }
+        if glance.is_hopeless || glance.gain < least {
+            Self::not_tried(&glance, halves)
+        } else {
+            Self::after(model, glance, halves)
+        }
     }
 
     /// Fits and scores what was glanced at.
     pub fn after(model: &SensorModel, glance: Glance, halves: &Halves<'_>) -> Self {
-        let Fitted { terms, .. } = glance.fitted;
-        let acts_on = terms[1].effect.about().acts_on;
-        let fitted = |terms: &[Term], half: usize| {
-            let on = On { batches: &halves.batches[half], channels: acts_on, scope: Scope::of(&terms[1]) };
+        let acts_on = glance.fitted.terms[1].effect.about().acts_on;
+        let fitted = |start: &Fitted, from: &[&Batch], to: &[&Batch]| {
+            let terms = &start.terms;
+            let on = On { batches: to, channels: acts_on, scope: Scope::of(&terms[1]) };
             let mut free = vec![Free::noise(terms[0].clone(), acts_on)];
             free.extend(terms[1..].iter().cloned().map(Free::all));
-            fit(model, &free, &on, Manner::TRIAL)
+            let known = &start.hessian * (rays(to) / rays(from));
+            fit(model, &free, &on, Manner { known: Some(&known), ..Manner::TRIAL })
         };
-        let first = fitted(&terms, 0);
-        let second = fitted(&first.terms, 1);
+        let first = fitted(&glance.fitted, &halves.sample, &halves.batches[0]);
+        let second = fitted(&first, &halves.batches[0], &halves.batches[1]);
         let like = first.terms[2..].to_vec();
         Self { like, ..Self::exchanged(first.terms[1].clone(), acts_on, model, [&first, &second], halves) }
     }

@@ -7,7 +7,7 @@ use super::likelihood::Observed;
 use crate::effects::{Image, Rays, Simulated};
 
 /// Pixels that a batch should have: enough to keep the kernels busy, few enough for the caches.
-const BATCH_PIXELS: usize = 1 << 15;
+const BATCH_PIXELS: usize = 1 << 14;
 
 /// One frame: a simulated scan and what the sensor measured in its place.
 #[derive(Clone, Debug)]

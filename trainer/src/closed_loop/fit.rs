@@ -12,7 +12,7 @@ use super::score::Scope;
 use crate::effects::{ActsOn, Extent, Kind};
 
 /// To find the way through widened normals.
-const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0 };
+const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0, share: 0.0 };
 
 /// How a fit is done.
 #[derive(Clone, Copy, Debug)]
@@ -21,16 +21,19 @@ pub struct Manner<'a> {
     pub widths: &'a [f64],
     /// How far the last search, which is exact, goes.
     pub effort: Effort,
-    /// Hessian of the first free term's numbers at the start, if it is known.
+    /// Hessian of the first free numbers, or of all, at the start, if it is known.
     pub known: Option<&'a DMatrix<f64>>,
 }
 
 impl Manner<'_> {
-    /// To find out whether an effect is worth anything.
-    pub const TRIAL: Self = Self { widths: &[], effort: Effort { steps: 30, tolerance: 0.3 }, known: None };
+    /// To find out whether an effect is worth a trial.
+    pub const GLANCE: Self = Self { effort: Effort { share: 0.01, ..Self::TRIAL.effort }, ..Self::TRIAL };
+
+    /// To find out what an effect is worth.
+    pub const TRIAL: Self = Self { widths: &[], effort: Effort { steps: 30, tolerance: 0.3, share: 0.0 }, known: None };
 
     /// To know the values.
-    pub const EXACT: Self = Self { widths: &[], effort: Effort { steps: 60, tolerance: 0.02 }, known: None };
+    pub const EXACT: Self = Self { effort: Effort { steps: 60, tolerance: 0.02, share: 0.0 }, ..Self::TRIAL };
 }
 
 /// A term, and which of its numbers are free.
@@ -60,6 +63,8 @@ pub struct Fitted {
     pub terms: Vec<Term>,
     /// Log-likelihood in nats, of the likelihoods that the free terms act on.
     pub log_likelihood: f64,
+    /// Hessian of its negative over the free numbers, as far as the fit knows it.
+    pub hessian: DMatrix<f64>,
 }
 
 impl Free {
@@ -115,7 +120,7 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
     }
     let exact = Softened { problem: &problem, soften: 0.0 };
     let minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);
-    Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value }
+    Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value, hessian: minimum.hessian }
 }
 
 /// Hessian of the negative log-likelihood over the numbers of the free terms, where they are.

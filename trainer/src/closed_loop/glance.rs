@@ -46,7 +46,7 @@ impl Glance {
         let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::of(&term) };
         let akin = akin(model, &term);
         let attempt = |start: &Term, widths: &[f64]| {
-            let manner = Manner { widths, known: known.as_ref(), ..Manner::TRIAL };
+            let manner = Manner { widths, known: known.as_ref(), ..Manner::GLANCE };
             let mut free = vec![noise.clone(), Free::all(start.clone())];
             free.extend(akin.iter().cloned());
             fit(model, &free, &on, manner)
@@ -90,7 +90,7 @@ pub fn gain_of_geometry(model: &SensorModel, halves: &Halves<'_>, evidence: &Evi
     free.extend(akin(model, &terms[0]));
     free.extend(terms.into_iter().map(Free::all));
     let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::All };
-    let fitted = fit(model, &free, &on, Manner { widths: &widths(evidence, acts_on), ..Manner::TRIAL });
+    let fitted = fit(model, &free, &on, Manner { widths: &widths(evidence, acts_on), ..Manner::GLANCE });
     (fitted.log_likelihood - before.sample.of(acts_on)) / rays(&halves.sample)
 }
 

@@ -53,6 +53,9 @@ const LIKELY: f64 = 0.25;
 /// How many times the gain of the best effect what moves rays must gain together to come first.
 const FAR_MORE: f64 = 1.2;
 
+/// Share of an effect's gain that its placebo has to reach where it is fitted to be worth more than a glance.
+const FAR_LESS: f64 = 0.5;
+
 /// Seed of the screening's bootstrap.
 const SEED: u64 = 1;
 
@@ -150,7 +153,8 @@ impl Search<'_> {
                 let evidence = evidence(&self.model, &halves.batches[0]);
                 (halves, evidence)
             });
-            let placebo = Trial::of(&self.model, &trial.term.effect, halves, evidence);
+            let least = FAR_LESS * trial.gain.value;
+            let placebo = Trial::of(&self.model, &trial.term.effect, halves, evidence, least);
             let beaten = !placebo.is_as_good_as(trial);
             judged[at].placebo = Some(placebo.gain);
             if beaten {

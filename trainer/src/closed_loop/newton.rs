@@ -10,6 +10,9 @@ use crate::effects::Extent;
 /// Longest and shortest step of the differences, in units in which parameters have a size of about 1. Shorter ones drown in rounding.
 const STEPS: (f64, f64) = (0.02, 1e-4);
 
+/// Step of the differences where nothing is known yet.
+const FIRST: f64 = 0.005;
+
 /// Step of the differences in standard errors, as far as they are known: a likelihood is a parabola over a few of them, not over many.
 const STEP_ERRORS: f64 = 2.0;
 
@@ -41,6 +44,8 @@ pub struct Effort {
     pub steps: usize,
     /// By how much a step has to promise to lower the value to be taken.
     pub tolerance: f64,
+    /// The same as a share of what the search has gained so far.
+    pub share: f64,
 }
 
 /// Where a search ended.
@@ -50,6 +55,8 @@ pub struct Minimum {
     pub x: Vec<f64>,
     /// The value.
     pub value: f64,
+    /// The Hessian, as far as the search knows it.
+    pub hessian: DMatrix<f64>,
 }
 
 /// The groups that the numbers of `x` fall into, one after the other.
@@ -157,7 +164,7 @@ impl Groups {
     /// The Hessian at `x`, from differences over steps that fit it, forwards and backwards.
     pub fn curvature(&self, objective: &dyn Objective, x: &[f64]) -> DMatrix<f64> {
         let (_, gradient) = objective.evaluate(x);
-        let mut steps = vec![STEPS.0; x.len()];
+        let mut steps = vec![FIRST; x.len()];
         let rough = self.hessian(objective, x, &gradient, &mut steps, None);
         // A number that is hardly known is known by how the value changes far away, not by the unevenness here.
         for (i, step) in steps.iter_mut().enumerate() {
@@ -175,7 +182,7 @@ impl Groups {
     /// The Hessian is worked out where the search starts and wherever it proves wrong, and updated between (Broyden, Fletcher, Goldfarb
     /// and Shanno: Nocedal and Wright, Numerical Optimization, 2006, section 6.1).
     ///
-    /// The Hessian of the first numbers may be known where the search starts.
+    /// The Hessian of the first numbers, or of all, may be known where the search starts.
     pub fn minimise(
         &self,
         objective: &dyn Objective,
@@ -186,13 +193,15 @@ impl Groups {
         let mut x = x.to_vec();
         let (mut value, mut gradient) = objective.evaluate(&x);
         let mut reach = LONGEST;
-        let mut lengths = vec![STEPS.0; x.len()];
+        let mut lengths = vec![FIRST; x.len()];
         let first = self.hessian(objective, &x, &gradient, &mut lengths, known);
         let mut hessian = positive(&first);
         let mut trust = Trust::Fresh;
+        let start = value;
         for _ in 0..effort.steps {
             let newton = Newton::new(&hessian, &gradient);
-            if newton.step(LONGEST).1 < effort.tolerance {
+            let enough = effort.tolerance.max(effort.share * (start - value));
+            if newton.step(LONGEST).1 < enough {
                 break;
             }
             if trust == Trust::Lost {
@@ -204,7 +213,7 @@ impl Groups {
             let mut moved = false;
             for attempt in 0..ATTEMPTS {
                 let (step, promised) = newton.step(reach);
-                if promised < effort.tolerance {
+                if promised < enough {
                     break;
                 }
                 let there: Vec<f64> = x.iter().zip(step.iter()).map(|(x, d)| x + d).collect();
@@ -228,7 +237,7 @@ impl Groups {
                 break;
             }
         }
-        Minimum { x, value }
+        Minimum { x, value, hessian }
     }
 }
 
@@ -334,7 +343,7 @@ mod tests {
     #[test]
     fn a_search_finds_the_bottom_and_its_curvature() {
         let groups = Groups::new([(1, Extent::One), (1, Extent::One), (1, Extent::One)]);
-        let found = groups.minimise(&Bowl, &[5.0, 5.0, 3.0], Effort { steps: 30, tolerance: 1e-9 }, None);
+        let found = groups.minimise(&Bowl, &[5.0, 5.0, 3.0], Effort { steps: 30, tolerance: 1e-9, share: 0.0 }, None);
         for (found, expected) in found.x.iter().zip([1.0, -2.0, 0.5]) {
             assert!((found - expected).abs() < 1e-4, "{found}");
         }

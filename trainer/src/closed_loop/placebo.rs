@@ -138,10 +138,11 @@ mod tests {
 
         let gain = |batches: &[&Batch]| {
             let halves = Halves::new(&ideal, [batches[..2].to_vec(), batches[2..].to_vec()]);
-            Trial::of(&ideal, &effect, &halves, &evidence(&ideal, &halves.batches[0]))
+            Trial::of(&ideal, &effect, &halves, &evidence(&ideal, &halves.batches[0]), 0.0)
         };
         let (there, here) = (gain(&drawn.iter().collect::<Vec<_>>()), gain(&scans));
         assert!(here.gain.ci95[0] > 0.0 && !there.is_as_good_as(&here), "{:?} and {:?}", here.gain, there.gain);
-        assert!(there.gain.value < 0.05 * here.gain.value, "{:?} and {:?}", here.gain, there.gain);
+        // What all residuals have in common is no covariate's.
+        assert!(there.gain.value < 0.2 * here.gain.value, "{:?} and {:?}", here.gain, there.gain);
     }
 }

@@ -14,6 +14,9 @@ const LEAST_STEP_M: f32 = 0.1;
 /// Probability below which a moved ray's second surface does not count.
 const LEAST_WEIGHT: f32 = 0.02;
 
+/// Standard deviation that stands for a doubt of half width 1.
+const DOUBT_SIGMA: f32 = 2.0;
+
 /// The rays of a batch, each list `[frame, ring, column]`, row-major.
 #[derive(Clone, Debug)]
 pub struct Predicted {
@@ -85,12 +88,17 @@ impl Predicted {
             None => report.range_sigma_m.clone(),
             Some(quantum) => (report.range_sigma_m.clone().square() + quantum.step_m.clone().square() / 12.0).sqrt(),
         };
-        let sigma_m = list(&sigma_m);
+        let mut sigma_m = list(&sigma_m);
         let nothing_extra = image.no_extra().unwrap_or_else(|| none.clone() + 1.0);
         let returned = image.hit() * report.keep.clone();
         let only_surfaces = (image.mixed.iter())
             .fold(nothing_extra, |only, mixed| only * (returned.clone() * mixed.probability.clone() * -1.0 + 1.0));
         let range_m = list(&(report.range_m.clone() + none.clone()));
+        let certain = certain(image, &range_m, &sigma_m, dims);
+        if let Some(doubt_m) = &image.doubt_m {
+            let doubted = sigma_m.iter_mut().zip(list(doubt_m)).zip(&certain).filter(|(_, certain)| !**certain);
+            doubted.for_each(|((sigma_m, doubt_m), _)| *sigma_m = sigma_m.hypot(DOUBT_SIGMA * doubt_m));
+        }
         let extent_m = image.rays.limits_m.1 - image.rays.limits_m.0;
         let gate = list(&report.range_outliers).iter().zip(&sigma_m).map(|(o, s)| gate(*o, *s, extent_m)).collect();
         Self {
@@ -105,7 +113,7 @@ impl Predicted {
             reported: list(&image.reported()),
             extra: list(&(only_surfaces * -1.0 + 1.0)),
             gate,
-            certain: certain(image, &range_m, &sigma_m, dims),
+            certain,
             measured_range_m: list(&batch.observed.range_m),
             measured_reflectance: list(&batch.observed.reflectance),
             range_m,

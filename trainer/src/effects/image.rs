@@ -3,6 +3,7 @@
 use burn::tensor::{Device, Tensor};
 
 use super::extra::Extra;
+use super::passage::Passage;
 use super::rays::{Bend, Rays};
 use super::surface::Surface;
 
@@ -20,6 +21,10 @@ pub struct Image {
     pub surface: Surface,
     /// The surface that a moved ray may have hit instead, where it passed between two rays of the simulation.
     pub other: Option<Other>,
+    /// Half width at half maximum of what a moved ray's range may be off, in m, because its surface is not all known.
+    pub doubt_m: Option<Tensor<3>>,
+    /// The way of moved rays that begin elsewhere.
+    pub passage: Option<Passage>,
     /// Number of the scan within its recording; 0 where nobody counts.
     pub frame: Tensor<3>,
     /// The distribution of what the sensor reports of the surface, given that the ray hits one.
@@ -129,6 +134,8 @@ impl Image {
             bend: Bend::default(),
             surface,
             other: None,
+            doubt_m: None,
+            passage: None,
             frame: simulated.frame,
             report,
             extra: vec![],
@@ -155,11 +162,16 @@ impl Image {
     }
 
     /// 1 where a moved ray sees a surface that the simulation shows all around it, or was hardly moved, else 0; `None` if no ray was moved.
-    /// Near an edge an image cannot know what a moved ray hits: what differs there says nothing of the rest.
+    /// Near an edge, or past something that it may meet, an image cannot know what a moved ray hits: what differs there says nothing of
+    /// the rest.
     pub fn settled(&self) -> Option<Tensor<3>> {
         let other = self.other.as_ref()?;
         let still = other.weight.clone().lower_elem(HARDLY_MOVED).float();
-        Some(self.surface.interior.clone().max_pair(still + self.surface.hit.zeros_like()).detach())
+        let settled = self.surface.interior.clone().max_pair(still + self.surface.hit.zeros_like()).detach();
+        Some(match &self.passage {
+            None => settled,
+            Some(passage) => settled * passage.clear(&self.surface, &self.rays),
+        })
     }
 
     /// By how much the mean range differs from the surface's, in m.

@@ -19,6 +19,7 @@ pub mod image;
 mod incidence;
 mod neighbours;
 pub mod parameter;
+pub mod passage;
 pub mod rays;
 mod resample;
 pub mod smooth_table;

@@ -15,6 +15,9 @@ const STREETS: u64 = 6;
 /// A pixel sees a plane if its point is this near to it.
 const ON_PLANE_M: f64 = 0.02;
 
+/// A range that is this far off is another surface's.
+const WRONG_M: f64 = 0.3;
+
 /// Where a sensor is that is not where it is said to be.
 #[derive(Clone, Copy)]
 struct Moved {
@@ -25,11 +28,12 @@ struct Moved {
     motion: Motion,
 }
 
-/// Absolute errors of a ray's range before and after, and whether everything around its target is one plane.
+/// Absolute errors of a ray's range before and after, whether everything around its target is one plane, and whether the image says so.
 struct Error {
     before_m: f64,
     after_m: f64,
     on_surface: bool,
+    settled: bool,
 }
 
 fn sensor(up_deg: f64) -> Sensor {
@@ -71,13 +75,16 @@ fn errors(moved: &Moved) -> Vec<Error> {
         let simulated = cast(&street, &nominal, &pose, &Motion::default());
         let shifted = [0, 1, 2].map(|i| pose.position_m[i] + moved.pose.position_m[i]);
         let truth = cast(&street, &bent, &Pose { position_m: shifted, ..moved.pose }, &moved.motion);
-        let seen = numbers(&term.forward(image(&simulated, &nominal)).resample().report.range_m);
+        let resampled = term.forward(image(&simulated, &nominal)).resample();
+        let settled = numbers(&resampled.settled().expect("moved rays"));
+        let seen = numbers(&resampled.report.range_m);
         for (pixel, after) in seen.into_iter().enumerate() {
             let before = f64::from(simulated.image.range_m()[pixel]);
             let true_m = f64::from(truth.image.range_m()[pixel]);
             if true_m > 0.0 && before > 0.0 && after > 0.0 {
                 let on_surface = on_surface(&simulated, &truth, pixel, &bent, moved);
-                errors.push(Error { before_m: (before - true_m).abs(), after_m: (after - true_m).abs(), on_surface });
+                let [before_m, after_m] = [before, after].map(|range_m| (range_m - true_m).abs());
+                errors.push(Error { before_m, after_m, on_surface, settled: settled[pixel] > 0.5 });
             }
         }
     }
@@ -156,6 +163,14 @@ fn what_a_moved_sensor_sees_of_surfaces_is_undone() {
             mean(errors.iter().map(|e| e.before_m)),
             mean(errors.iter().map(|e| e.after_m)),
         );
+        let settled: Vec<&Error> = errors.iter().filter(|e| e.settled).collect();
+        let wrong = settled.iter().filter(|e| e.after_m > WRONG_M).count() as f64 / settled.len() as f64;
+        println!(
+            "{:.1} % settled, {:.4} % of these wrong",
+            100.0 * settled.len() as f64 / errors.len() as f64,
+            100.0 * wrong
+        );
+        assert!(wrong < 0.003, "{}: {wrong} of the settled rays hit something else", moved.effect);
         assert!(undone > least, "{}: {undone}", moved.effect);
         assert!(after[after.len() / 2] < 1e-3 && on.len() * 10 > errors.len() * 7, "{}", moved.effect);
     }
