@@ -19,6 +19,8 @@ const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0, share: 0.0 };
 pub struct Manner<'a> {
     /// By how much the normals of the likelihood are widened, one search after the other, so that a start that is far off finds its way.
     pub widths: &'a [f64],
+    /// Whether every ring that has a number of its own that moves it is tried at many values before the last search.
+    pub scan: bool,
     /// How far the last search, which is exact, goes.
     pub effort: Effort,
     /// Hessian of the first free numbers, or of all, at the start, if it is known.
@@ -30,10 +32,12 @@ impl Manner<'_> {
     pub const GLANCE: Self = Self { effort: Effort { share: 0.01, ..Self::TRIAL.effort }, ..Self::TRIAL };
 
     /// To find out what an effect is worth.
-    pub const TRIAL: Self = Self { widths: &[], effort: Effort { steps: 30, tolerance: 0.3, share: 0.0 }, known: None };
+    pub const TRIAL: Self =
+        Self { widths: &[], scan: false, effort: Effort { steps: 30, tolerance: 0.3, share: 0.0 }, known: None };
 
     /// To know the values.
-    pub const EXACT: Self = Self { effort: Effort { steps: 60, tolerance: 0.02, share: 0.0 }, ..Self::TRIAL };
+    pub const EXACT: Self =
+        Self { scan: true, effort: Effort { steps: 60, tolerance: 0.02, share: 0.0 }, ..Self::TRIAL };
 }
 
 /// A term, and which of its numbers are free.
@@ -115,7 +119,7 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
         let found = problem.groups_of_means().minimise(&part, &part.of(&x), ON_THE_WAY, None).x;
         means.iter().zip(found).for_each(|(i, found)| x[*i] = found);
     }
-    if !manner.widths.is_empty() {
+    if manner.scan {
         problem.scan_rings(&mut x);
     }
     let exact = Softened { problem: &problem, soften: 0.0 };

@@ -46,7 +46,8 @@ impl Glance {
         let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::of(&term) };
         let akin = akin(model, &term);
         let attempt = |start: &Term, widths: &[f64]| {
-            let manner = Manner { widths, known: known.as_ref(), ..Manner::GLANCE };
+            let scan = !widths.is_empty();
+            let manner = Manner { widths, scan, known: known.as_ref(), ..Manner::GLANCE };
             let mut free = vec![noise.clone(), Free::all(start.clone())];
             free.extend(akin.iter().cloned());
             fit(model, &free, &on, manner)

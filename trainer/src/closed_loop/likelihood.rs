@@ -68,12 +68,17 @@ pub fn range(image: &Image, observed: &Observed, soften_m: f64) -> Tensor<3> {
         let here = surface * image.surface.hit.clone() * (other.weight.clone() * -1.0 + 1.0);
         surface = (here + density(beside) * other.hit.clone() * other.weight.clone()) / image.hit().clamp_min(1e-9);
     }
-    for mixed in &image.mixed {
-        let within = z.clone() - image.range_error_m();
-        let step = |at: &Tensor<3>| cumulative(&((within.clone() - at.clone()) / sigma.clone()));
-        let width = (mixed.far_m.clone() - mixed.near_m.clone()).clamp_min(1e-2);
-        let between = (step(&mixed.near_m) - step(&mixed.far_m)).clamp_min(0.0) / width;
-        surface = surface * (mixed.probability.clone() * -1.0 + 1.0) + between * mixed.probability.clone();
+    let mixed: Option<[Tensor<3>; 2]> = (image.mixed.iter())
+        .map(|mixed| {
+            let within = z.clone() - image.range_error_m();
+            let step = |at: &Tensor<3>| cumulative(&((within.clone() - at.clone()) / sigma.clone()));
+            let width = (mixed.far_m.clone() - mixed.near_m.clone()).clamp_min(1e-2);
+            let between = (step(&mixed.near_m) - step(&mixed.far_m)).clamp_min(0.0) / width;
+            [between * mixed.probability.clone(), mixed.probability.clone()]
+        })
+        .reduce(|[a, p], [b, q]| [a + b, p + q]);
+    if let Some([between, probability]) = mixed {
+        surface = surface * (probability * -1.0 + 1.0) + between;
     }
     let outliers = report.range_outliers.clone();
     let surface = surface * (outliers.clone() * -1.0 + 1.0) + outliers / extent;

@@ -10,9 +10,6 @@ use crate::effects::Extent;
 /// Longest and shortest step of the differences, in units in which parameters have a size of about 1. Shorter ones drown in rounding.
 const STEPS: (f64, f64) = (0.02, 1e-4);
 
-/// Step of the differences where nothing is known yet.
-const FIRST: f64 = 0.005;
-
 /// Step of the differences in standard errors, as far as they are known: a likelihood is a parabola over a few of them, not over many.
 const STEP_ERRORS: f64 = 2.0;
 
@@ -164,7 +161,7 @@ impl Groups {
     /// The Hessian at `x`, from differences over steps that fit it, forwards and backwards.
     pub fn curvature(&self, objective: &dyn Objective, x: &[f64]) -> DMatrix<f64> {
         let (_, gradient) = objective.evaluate(x);
-        let mut steps = vec![FIRST; x.len()];
+        let mut steps = vec![STEPS.0; x.len()];
         let rough = self.hessian(objective, x, &gradient, &mut steps, None);
         // A number that is hardly known is known by how the value changes far away, not by the unevenness here.
         for (i, step) in steps.iter_mut().enumerate() {
@@ -193,7 +190,7 @@ impl Groups {
         let mut x = x.to_vec();
         let (mut value, mut gradient) = objective.evaluate(&x);
         let mut reach = LONGEST;
-        let mut lengths = vec![FIRST; x.len()];
+        let mut lengths = vec![STEPS.0; x.len()];
         let first = self.hessian(objective, &x, &gradient, &mut lengths, known);
         let mut hessian = positive(&first);
         let mut trust = Trust::Fresh;

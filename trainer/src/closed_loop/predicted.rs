@@ -91,8 +91,10 @@ impl Predicted {
         let mut sigma_m = list(&sigma_m);
         let nothing_extra = image.no_extra().unwrap_or_else(|| none.clone() + 1.0);
         let returned = image.hit() * report.keep.clone();
-        let only_surfaces = (image.mixed.iter())
-            .fold(nothing_extra, |only, mixed| only * (returned.clone() * mixed.probability.clone() * -1.0 + 1.0));
+        let only_surfaces = match image.mixed.iter().map(|mixed| mixed.probability.clone()).reduce(|a, b| a + b) {
+            None => nothing_extra,
+            Some(mixed) => nothing_extra * (returned * mixed * -1.0 + 1.0),
+        };
         let range_m = list(&(report.range_m.clone() + none.clone()));
         let certain = certain(image, &range_m, &sigma_m, dims);
         if let Some(doubt_m) = &image.doubt_m {

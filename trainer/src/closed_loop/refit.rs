@@ -23,8 +23,18 @@ fn fitted(model: &SensorModel, free: &[Free], batches: &[&Batch], scope: Scope, 
     model.with(&fit(model, free, &On { batches, channels: ActsOn::ALL, scope }, manner).terms)
 }
 
-/// Standard errors of every number of a fitted model, in the units of its parameters, widened as few scenes want it.
+/// Standard errors of every number of a fitted model, in the units of its parameters, with what its effects leave open.
 pub fn physical_stderr(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
+    let mut errors = by_chance(model, batches);
+    for (term, errors) in model.terms.iter().zip(&mut errors) {
+        let open = batches.first().map(|batch| term.effect.left_open(&term.physical(), &batch.image.rays));
+        errors.iter_mut().zip(open.unwrap_or_default()).for_each(|(error, open)| *error = error.hypot(open));
+    }
+    errors
+}
+
+/// The part of standard errors that more scans would lessen, widened as few scenes want it.
+fn by_chance(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
     let scenes = batches.iter().map(|b| b.scene).collect::<BTreeSet<_>>().len();
     let wider = if scenes < 3 { 1.0 } else { few_scenes(scenes as f64 - 1.0) };
     let errors = |model: &SensorModel, free: &[Free], scope| {

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Tensor, activation::sigmoid};
 
-use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
+use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Rays, Values};
 
 /// keep · (1 − d) within a sector of azimuths (counted to the left of ahead) and a range of rings (counted from the top).
 #[derive(Clone, Copy, Debug)]
@@ -51,6 +51,13 @@ impl Effect for BlockedSector {
         let left = sector * (above * below * values.one(2)) * -1.0 + 1.0;
         image.report.keep = image.report.keep * left;
         image
+    }
+
+    /// An edge may lie anywhere between two columns, or two rings.
+    fn left_open(&self, _values: &[f64], rays: &Rays) -> Vec<f64> {
+        let uniform = 1.0 / 12f64.sqrt();
+        let column_deg = 360.0 / rays.size()[1] as f64;
+        vec![uniform * column_deg, uniform * column_deg, 0.0, uniform, uniform]
     }
 
     fn starts(&self, evidence: &Evidence) -> Vec<Vec<f64>> {

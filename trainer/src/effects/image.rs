@@ -31,7 +31,7 @@ pub struct Image {
     pub report: Report,
     /// Returns that come from no surface of the simulation, or replace it.
     pub extra: Vec<Extra>,
-    /// Returns between two surfaces; each of the rays has one at most.
+    /// Returns between two surfaces, of which a ray has one at most: their probabilities add up.
     pub mixed: Vec<Mixed>,
     /// The step in which ranges are reported.
     pub quantum: Option<Quantum>,

@@ -75,6 +75,12 @@ pub use rays::{Bend, Rays};
 pub use smooth_table::{SmoothTable, Target};
 pub use surface::Surface;
 
+/// Share of what a fit finds of moved rays that the planes of an image leave open, as hidden sets show.
+const OPEN_OF_SURFACES: f64 = 0.01;
+
+/// The same of an effect over the angle of incidence.
+const OPEN_OF_INCIDENCE: f64 = 0.02;
+
 /// A sensor effect.
 pub trait Effect: Debug + Send + Sync {
     /// What it is.
@@ -101,6 +107,17 @@ pub trait Effect: Debug + Send + Sync {
     /// it is. `stderr` are the standard errors of `values`.
     fn ties(&self, _values: &[f64], _stderr: &[f64]) -> &'static [&'static str] {
         &[]
+    }
+
+    /// Standard deviation of each of its numbers `values` that the sensor's grid, and what an image cannot show, leave beside chance.
+    fn left_open(&self, values: &[f64], _rays: &Rays) -> Vec<f64> {
+        let about = self.about();
+        let share = match about.channel {
+            Channel::Geometry => OPEN_OF_SURFACES,
+            _ if about.covariates.contains(&"incidence") => OPEN_OF_INCIDENCE,
+            _ => 0.0,
+        };
+        values.iter().map(|value| share * value.abs()).collect()
     }
 
     /// The same as its numbers `values` say, in words that people are used to: name with unit, value.

@@ -1,7 +1,9 @@
 //! Returns too weak to be detected.
 
+use burn::tensor::Tensor;
+
 use super::draw::cumulative;
-use super::incidence::log_cosine;
+use super::incidence::{ANY_ANGLE, astray, log_cosine};
 use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
 
 /// keep · Φ((ln P − ln P₀)/s), with P = ρ·cos α·e^{−2βr}/r² the power of a Lambertian target that fills the beam.
@@ -35,12 +37,14 @@ impl Effect for WeakReturnDrop {
     fn forward(&self, values: &Values, mut image: Image) -> Image {
         let surface = &image.surface;
         let range_m = surface.range_m.clone().clamp_min(0.1);
-        let (log_cosine, doubt) = log_cosine(&image);
-        let power = (surface.reflectance.clone().clamp_min(DARKEST) / range_m.clone().square()).log() + log_cosine;
-        let power = power - range_m * values.one(2) * 2.0;
+        let (log_cosine, variance) = log_cosine(&image);
+        let power = (surface.reflectance.clone().clamp_min(DARKEST) / range_m.clone().square()).log();
+        let above = power - range_m * values.one(2) * 2.0 - values.one(0).log();
         // Averaged over a normal ln cos α, the normal distribution function is one again, only wider.
-        let softness = (doubt + values.one(1).square()).sqrt();
-        let detected = cumulative(&((power - values.one(0).log()) / softness));
+        let softness = |variance: Tensor<3>| (variance + values.one(1).square()).sqrt();
+        let at_any = (above.clone() + ANY_ANGLE.0) / softness(above.zeros_like() + ANY_ANGLE.1);
+        let as_seen = cumulative(&((above + log_cosine) / softness(variance)));
+        let detected = as_seen.clone() + (cumulative(&at_any) - as_seen) * astray(&image);
         image.report.keep = image.report.keep * detected;
         image
     }
