@@ -47,12 +47,12 @@ impl Trial {
         if glance.is_hopeless || glance.gain < least {
             Self::not_tried(&glance, halves)
         } else {
-            Self::after(model, glance, halves)
+            Self::after(model, &glance, halves)
         }
     }
 
     /// Fits and scores what was glanced at.
-    pub fn after(model: &SensorModel, glance: Glance, halves: &Halves<'_>) -> Self {
+    pub fn after(model: &SensorModel, glance: &Glance, halves: &Halves<'_>) -> Self {
         let acts_on = glance.fitted.terms[1].effect.about().acts_on;
         let fitted = |start: &Fitted, from: &[&Batch], to: &[&Batch]| {
             let terms = &start.terms;
@@ -185,7 +185,7 @@ pub fn try_all(
     let glances: Vec<Glance> = lacks.map(glance).collect();
     let worth_a_look = Glance::worth_a_look(&glances, least);
     let look = |(glance, worth): (Glance, bool)| {
-        if worth { Trial::after(model, glance, halves) } else { Trial::not_tried(&glance, halves) }
+        if worth { Trial::after(model, &glance, halves) } else { Trial::not_tried(&glance, halves) }
     };
     glances.into_iter().zip(worth_a_look).map(look).collect()
 }

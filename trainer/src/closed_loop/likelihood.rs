@@ -142,7 +142,7 @@ pub fn returns(image: &Image, observed: &Observed) -> Tensor<3> {
 }
 
 /// Density of the sum of a normal number and a Cauchy distributed one of this half width at half maximum, nearly: a mixture of the two,
-/// exact where either is 0 (Thompson, Cox and Hastings, "Rietveld refinement of Debye-Scherrer synchrotron X-ray data from Al2O3", 1987).
+/// exact where either is 0 (Thompson, Cox and Hastings, "Rietveld refinement of Debye-Scherrer synchrotron X-ray data from `Al2O3`", 1987).
 fn voigt(x: &Tensor<3>, sigma: &Tensor<3>, half_width: &Tensor<3>) -> Tensor<3> {
     let normal_width = sigma.clone() * (8.0 * std::f64::consts::LN_2).sqrt();
     let width = half_width.clone() * (2.0 * 0.5346)

@@ -126,8 +126,12 @@ pub(super) fn curve(curve: &EffectCurve) -> String {
     let values = pieces.iter().flat_map(|p| [p.without.value, p.with.value, p.effect]);
     let Some(mut plot) = Plot::new(pieces.iter().map(|p| at(p)), values, &axes) else { return String::new() };
     plot.line("effect", pieces.iter().map(|p| (at(p), p.effect)));
-    pieces.iter().for_each(|p| plot.value("without", at(p), -2.5, &p.without));
-    pieces.iter().for_each(|p| plot.value("with", at(p), 2.5, &p.with));
+    for p in &pieces {
+        plot.value("without", at(p), -2.5, &p.without);
+    }
+    for p in &pieces {
+        plot.value("with", at(p), 2.5, &p.with);
+    }
     plot.svg()
 }
 
