@@ -15,8 +15,10 @@ use crate::effects::{Channel, Covariate, Effect, Evidence, Image};
 /// Knots along a single covariate, and along each of two.
 const KNOTS: [usize; 2] = [12, 7];
 
-/// Least share of a channel's residual that a dependence has to explain to be tried.
+/// Least share of a channel's residual that a dependence has to explain to be tried, and largest probability of it by chance. That is no
+/// claim yet: whether a table may be claimed its own gain says.
 const LEAST_SHARE: f64 = 0.002;
+const LARGEST_P: f64 = 0.05;
 
 /// Share of a table's gain that a simpler one must reach to be preferred.
 const NEARLY_AS_GOOD: f64 = 0.95;
@@ -33,7 +35,7 @@ pub struct Table {
     pub covariates: Vec<Covariate>,
     /// Share of the channel's residual that these covariates explain, held out.
     pub share: f64,
-    /// Adjusted probability of that share where there is no dependence.
+    /// Probability of the table's gain by chance, times the number of dependences of the channel that were looked at (Bonferroni).
     pub q_value: f64,
     /// The table with its gain.
     pub trial: Trial,
@@ -73,7 +75,7 @@ impl<'a> Tables<'a> {
     /// depends on anything.
     pub fn best(&self, channel: Channel) -> Option<Table> {
         let depends = |d: &&Dependence| {
-            d.channel == channel && d.q_value < 0.05 && d.share > LEAST_SHARE && !d.covariates.is_empty()
+            d.channel == channel && d.p_value < LARGEST_P && d.share > LEAST_SHARE && !d.covariates.is_empty()
         };
         let of = |n: usize| self.screening.dependences.iter().filter(depends).filter(move |d| d.covariates.len() == n);
         let mut tried: Vec<Table> = of(1).take(SINGLES).filter_map(|d| self.table(d)).collect();
@@ -93,12 +95,14 @@ impl<'a> Tables<'a> {
         if self.model.has(effect.about().name) {
             return None;
         }
+        let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, 0.0);
+        let looked_at = self.screening.dependences.iter().filter(|d| d.channel == dependence.channel).count();
         Some(Table {
             channel: dependence.channel,
             covariates: dependence.covariates.clone(),
             share: dependence.share,
-            q_value: dependence.q_value,
-            trial: Trial::of(self.model, &effect, self.halves, &self.evidence, 0.0),
+            q_value: (trial.p_value * looked_at as f64).min(1.0),
+            trial,
         })
     }
 }

@@ -58,3 +58,24 @@ fn by_chance(model: &SensorModel, batches: &[&Batch]) -> Vec<Vec<f64>> {
 fn free(model: &SensorModel, which: impl Fn(&Term) -> bool) -> Vec<Free> {
     model.terms.iter().filter(|term| which(term)).cloned().map(Free::all).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::library;
+    use crate::effects::trial::{measured_by, sensor};
+
+    #[test]
+    fn errors_hold_chance_and_what_an_image_leaves_open() {
+        let rings = sensor().rings().len();
+        let mut ideal = SensorModel::ideal(rings);
+        ideal.terms[0] = ideal.terms[0].clone().at(&[0.02, 0.02, 0.05, 1e-4, 1e-4]);
+        let effect = library().into_iter().find(|e| e.about().name == "elevation_offset").expect("the effect");
+        let truth = ideal.with(&[Term::new(effect, rings).at(&[0.3])]);
+        let measured = measured_by(&truth, &sensor());
+        let scans: Vec<&Batch> = measured.iter().collect();
+        let (chance, all) = (by_chance(&truth, &scans), physical_stderr(&truth, &scans));
+        assert!(chance[1][0] > 0.0 && (all[1][0] - chance[1][0].hypot(0.003)).abs() < 1e-6, "{chance:?} {all:?}");
+        assert_eq!(chance[0], all[0], "the noise floor depends on no surface");
+    }
+}

@@ -153,8 +153,10 @@ impl Count {
 mod tests {
     use std::sync::Arc;
 
+    use burn::tensor::Device;
+
     use super::*;
-    use crate::effects::trial::Trial;
+    use crate::effects::trial::{Trial, sensor};
 
     #[test]
     fn a_fit_finds_a_sector_across_all_rings() {
@@ -166,5 +168,12 @@ mod tests {
     fn a_fit_finds_a_spot_across_the_seam() {
         let trial = Trial::of(Arc::new(BlockedSector), &[165.0, 195.0, 0.9, 6.0, 11.0]);
         trial.each_within(&[1.0, 1.0, 0.1, 0.5, 0.5]);
+    }
+
+    #[test]
+    fn an_edge_is_known_no_better_than_its_column() {
+        let rays = Rays::new(&sensor(), &Device::flex());
+        let open = BlockedSector.left_open(&[-20.0, 10.0, 0.8, 2.0, 9.0], &rays);
+        assert!((open[0] - 360.0 / 256.0 / 12f64.sqrt()).abs() < 1e-9 && open[2] == 0.0, "{open:?}");
     }
 }
