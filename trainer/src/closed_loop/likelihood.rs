@@ -55,12 +55,21 @@ pub fn range(image: &Image, observed: &Observed, soften_m: f64) -> Tensor<3> {
     let z = &observed.range_m;
     let extent = image.rays.limits_m.1 - image.rays.limits_m.0;
     let sigma = (report.range_sigma_m.clone().square() + soften_m * soften_m).sqrt();
-    let density = |mean: Tensor<3>| match &image.quantum {
-        None => match &image.doubt_m {
-            None => normal(&((z.clone() - mean) / sigma.clone())) / sigma.clone(),
-            Some(doubt_m) => voigt(&(z.clone() - mean), &sigma, doubt_m),
-        },
-        Some(quantum) => quantum.mean_density(z, &mean, &sigma),
+    let bell = |mean: &Tensor<3>, sigma: &Tensor<3>| match &image.quantum {
+        None => normal(&((z.clone() - mean.clone()) / sigma.clone())) / sigma.clone(),
+        Some(quantum) => quantum.mean_density(z, mean, sigma),
+    };
+    let tails = |mean: &Tensor<3>, half_width: &Tensor<3>| match &image.quantum {
+        None => cauchy(&(z.clone() - mean.clone()), half_width),
+        Some(quantum) => quantum.mean_cauchy(z, mean, half_width),
+    };
+    let doubted = image.doubt_m.as_ref().map(|doubt_m| Voigt::new(&sigma, doubt_m));
+    let density = |mean: Tensor<3>| match &doubted {
+        None => bell(&mean, &sigma),
+        Some(voigt) => {
+            let bell = bell(&mean, &voigt.sigma);
+            bell.clone() + (tails(&mean, &voigt.half_width) - bell) * voigt.share.clone()
+        }
     };
     let mut surface = density(report.range_m.clone());
     if let Some(other) = &image.other {
@@ -141,19 +150,32 @@ pub fn returns(image: &Image, observed: &Observed) -> Tensor<3> {
     yes + no
 }
 
-/// Density of the sum of a normal number and a Cauchy distributed one of this half width at half maximum, nearly: a mixture of the two,
-/// exact where either is 0 (Thompson, Cox and Hastings, "Rietveld refinement of Debye-Scherrer synchrotron X-ray data from `Al2O3`", 1987).
-fn voigt(x: &Tensor<3>, sigma: &Tensor<3>, half_width: &Tensor<3>) -> Tensor<3> {
-    let normal_width = sigma.clone() * (8.0 * std::f64::consts::LN_2).sqrt();
-    let width = half_width.clone() * (2.0 * 0.5346)
-        + (half_width.clone().square() * (4.0 * 0.2166) + normal_width.square()).sqrt();
-    let ratio = half_width.clone() * 2.0 / width.clone();
-    let share = ((ratio.clone() * 0.11116 - 0.47719) * ratio.clone() + 1.36603) * ratio;
-    let half = width.clone() * 0.5;
-    let cauchy = half.clone() * std::f64::consts::FRAC_1_PI / (x.clone().square() + half.square());
-    let deviation = width * (1.0 / (8.0 * std::f64::consts::LN_2).sqrt());
-    let bell = normal(&(x.clone() / deviation.clone())) / deviation;
-    bell.clone() + (cauchy - bell) * share
+/// The sum of a normal number and a Cauchy distributed one, nearly: a mixture of one of each, exact where either is 0 (Thompson, Cox and
+/// Hastings, "Rietveld refinement of Debye-Scherrer synchrotron X-ray data from `Al2O3`", 1987).
+struct Voigt {
+    /// Share of the Cauchy distribution.
+    share: Tensor<3>,
+    /// Its half width at half maximum.
+    half_width: Tensor<3>,
+    /// Standard deviation of the normal one.
+    sigma: Tensor<3>,
+}
+
+impl Voigt {
+    fn new(sigma: &Tensor<3>, half_width: &Tensor<3>) -> Self {
+        let to_width = (8.0 * std::f64::consts::LN_2).sqrt();
+        let normal_width = sigma.clone() * to_width;
+        let width = half_width.clone() * (2.0 * 0.5346)
+            + (half_width.clone().square() * (4.0 * 0.2166) + normal_width.square()).sqrt();
+        let ratio = half_width.clone() * 2.0 / width.clone();
+        let share = ((ratio.clone() * 0.11116 - 0.47719) * ratio.clone() + 1.36603) * ratio;
+        Self { share, half_width: width.clone() * 0.5, sigma: width * (1.0 / to_width) }
+    }
+}
+
+/// Density of a Cauchy distributed number of this half width at half maximum.
+fn cauchy(x: &Tensor<3>, half_width: &Tensor<3>) -> Tensor<3> {
+    half_width.clone() * std::f64::consts::FRAC_1_PI / (x.clone().square() + half_width.clone().square())
 }
 
 /// Standard normal density.
@@ -174,6 +196,16 @@ impl Quantum {
         let half = self.step_m.clone() * 0.5;
         let (from, to) = ((middle.clone() - half.clone()) / sigma.clone(), (middle + half) / sigma.clone());
         (cumulative(&to) - cumulative(&from)).clamp_min(0.0) / self.step_m.clone()
+    }
+
+    /// The same of a Cauchy distributed number.
+    fn mean_cauchy(&self, z: &Tensor<3>, mean: &Tensor<3>, half_width: &Tensor<3>) -> Tensor<3> {
+        let middle = z.clone() - self.beyond_m(z) - mean.clone();
+        let half = self.step_m.clone() * 0.5;
+        // The angle that the step fills, seen from half a width aside.
+        let away = middle.square() - half.square() + half_width.clone().square();
+        let angle = (self.step_m.clone() * half_width.clone()).atan2(away);
+        angle / self.step_m.clone() * std::f64::consts::FRAC_1_PI
     }
 
     /// Where in its step a report lies, relative to anywhere: a normal tooth cut off at the step's ends.
@@ -305,7 +337,10 @@ mod tests {
         let sigma = 0.05;
         for half_width in [0.0, 0.01, 0.05, 0.2] {
             for x in [0.0, 0.04, 0.1, 0.3, 1.0] {
-                let density = voigt(&one(x), &one(sigma), &one(half_width)).into_scalar::<f64>();
+                let voigt = Voigt::new(&one(sigma), &one(half_width));
+                let bell = normal(&(one(x) / voigt.sigma.clone())) / voigt.sigma;
+                let density = bell.clone() + (cauchy(&one(x), &voigt.half_width) - bell) * voigt.share;
+                let density = density.into_scalar::<f64>();
                 // The convolution over the normal's quantiles.
                 let n = 4000;
                 let u = (Tensor::arange(0..n, &Device::flex()).float() + 0.5) / n as f32;
@@ -342,6 +377,7 @@ mod tests {
             mixed(image()),
             doubted(mixed(image())),
             in_steps(image(), 0.5, 0.02),
+            in_steps(doubted(image()), 0.2, 0.02),
             in_steps(image(), 0.02, 0.004),
             in_steps(mixed(image()), 0.2, 0.1),
         ] {
