@@ -78,8 +78,7 @@ impl<'a> Tables<'a> {
             d.channel == channel && d.p_value < LARGEST_P && d.share > LEAST_SHARE && !d.covariates.is_empty()
         };
         let of = |n: usize| self.screening.dependences.iter().filter(depends).filter(move |d| d.covariates.len() == n);
-        let mut tried: Vec<Table> = of(1).take(SINGLES).filter_map(|d| self.table(d)).collect();
-        tried.extend(of(2).take(1).filter_map(|d| self.table(d)));
+        let tried: Vec<Table> = of(1).take(SINGLES).chain(of(2).take(1)).flat_map(|d| self.tables(d)).collect();
         let most = tried.iter().map(|t| t.trial.gain.value).fold(f64::NEG_INFINITY, f64::max);
         tried.into_iter().filter(|t| most > 0.0 && t.trial.gain.value >= NEARLY_AS_GOOD * most).min_by(|a, b| {
             let simple = a.covariates.len().cmp(&b.covariates.len());
@@ -87,33 +86,35 @@ impl<'a> Tables<'a> {
         })
     }
 
-    /// Fits and scores a table over what a dependence names.
-    fn table(&self, dependence: &Dependence) -> Option<Table> {
-        let target = target(dependence.channel)?;
-        let knots = KNOTS[dependence.covariates.len() - 1];
-        let effect: Arc<dyn Effect> = Arc::new(SmoothTable::new(target, &dependence.covariates, &self.images, knots));
-        if self.model.has(effect.about().name) {
-            return None;
-        }
-        let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, 0.0);
+    /// Fits and scores the tables over what a dependence names.
+    fn tables(&self, dependence: &Dependence) -> impl Iterator<Item = Table> {
         let looked_at = self.screening.dependences.iter().filter(|d| d.channel == dependence.channel).count();
-        Some(Table {
-            channel: dependence.channel,
-            covariates: dependence.covariates.clone(),
-            share: dependence.share,
-            q_value: (trial.p_value * looked_at as f64).min(1.0),
-            trial,
+        targets(dependence.channel).iter().filter_map(move |target| {
+            let knots = KNOTS[dependence.covariates.len() - 1];
+            let effect: Arc<dyn Effect> =
+                Arc::new(SmoothTable::new(*target, &dependence.covariates, &self.images, knots));
+            if self.model.has(effect.about().name) {
+                return None;
+            }
+            let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, 0.0);
+            Some(Table {
+                channel: dependence.channel,
+                covariates: dependence.covariates.clone(),
+                share: dependence.share,
+                q_value: (trial.p_value * looked_at as f64).min(1.0),
+                trial,
+            })
         })
     }
 }
 
-/// What a table changes to mend a channel; nothing mends returns that no surface explains.
-fn target(channel: Channel) -> Option<Target> {
+/// What a table may change to mend a channel; nothing mends returns that no surface explains.
+fn targets(channel: Channel) -> &'static [Target] {
     match channel {
-        Channel::Range => Some(Target::Range),
-        Channel::RangeVariance => Some(Target::RangeSpread),
-        Channel::Reflectance => Some(Target::Reflectance),
-        Channel::Missing => Some(Target::Missing),
-        Channel::Geometry | Channel::Extra => None,
+        Channel::Range => &[Target::Range],
+        Channel::RangeVariance => &[Target::RangeSpread],
+        Channel::Reflectance => &[Target::Reflectance, Target::ReflectanceGain],
+        Channel::Missing => &[Target::Missing],
+        Channel::Geometry | Channel::Extra => &[],
     }
 }
