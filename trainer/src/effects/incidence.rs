@@ -12,9 +12,13 @@ const TERRAIN: f64 = 17.0;
 /// Squared cosine of a slope from which and up to which a surface is less and less level: 25° and 35°.
 const LEVEL: (f64, f64) = (0.82, 0.67);
 
-/// Share of the planes that end beside their pixel which are nothing like the surface: leaves, and reliefs that are finer than the rays.
-/// Measured on streets of our own.
-const ASTRAY: f64 = 0.3;
+/// Share of the planes that end beside their pixel which are nothing like the surface, for reliefs that are finer than the rays; and the
+/// same of leaves, trunks and poles. Measured on streets of our own.
+const ASTRAY: (f64, f64) = (0.2, 0.65);
+
+/// Classes of what is rounder and rougher than the rays are wide: vegetation, trunk; pole.
+const ROUGH: (f64, f64) = (15.0, 16.0);
+const POLE: f64 = 18.0;
 
 /// Mean and variance of ln cos α of an angle of which nothing is known. Facets of any orientation are seen in proportion to the area that
 /// they show, which makes cos² α uniform.
@@ -47,8 +51,12 @@ pub(super) fn log_cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
 
 /// Probability that the cosine of a known angle is nothing like the true one.
 pub(super) fn astray(image: &Image) -> Tensor<3> {
+    let class = &image.surface.class;
+    let rough = class.clone().greater_elem(ROUGH.0 - 0.5).float() * class.clone().lower_elem(ROUGH.1 + 0.5).float()
+        + (class.clone() - POLE).abs().lower_elem(0.5).float();
+    let share = rough * (ASTRAY.1 - ASTRAY.0) + ASTRAY.0;
     let no_ground = sealed(image) * -1.0 + 1.0;
-    (image.surface.interior.clone() * -1.0 + 1.0) * image.surface.known.clone() * no_ground * ASTRAY
+    (image.surface.interior.clone() * -1.0 + 1.0) * image.surface.known.clone() * no_ground * share
 }
 
 /// Cosine of the angle of incidence, and to what part a film of water would stay: on sealed ground, or where classes are missing, on what

@@ -1,10 +1,10 @@
 //! Surfaces that send less light back the more they are seen from the side.
 
-use super::incidence::log_cosine;
+use super::incidence::{astray, log_cosine};
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
-/// I·cosᵖ α: p = 1 is Lambert's law, p = 0 a sensor that undoes it. Of a surface whose angle the image does not show, cos² α is uniform: the
-/// mean of cosᵖ α is then 2/(p + 2), and that of its square 1/(p + 1).
+/// I·cosᵖ α: p = 1 is Lambert's law, p = 0 a sensor that undoes it. Of a surface whose angle the image does not show, or shows wrongly,
+/// cos² α is uniform: the mean of cosᵖ α is then 2/(p + 2), and that of its square 1/(p + 1).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IncidenceFalloff;
 
@@ -27,14 +27,16 @@ impl Effect for IncidenceFalloff {
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
         let (log_cosine, variance) = log_cosine(&image);
-        let unknown = variance.greater_elem(0.0);
+        let unknown = variance.greater_elem(0.0).float();
+        let any = unknown.clone() + astray(&image);
+        let seen = any.clone() * -1.0 + 1.0;
         let exponent = values.one(0).clamp(-0.8, 8.0);
-        let mean = (exponent.clone() + 2.0).recip() * 2.0;
-        let spread = ((exponent.clone() + 1.0).recip() - mean.clone().square()).clamp_min(1e-8).sqrt();
-        let like = log_cosine.zeros_like();
-        let factor = (log_cosine * exponent).exp().mask_where(unknown.clone(), like.clone() + mean);
-        let doubt = image.report.reflectance.clone() * like.clone().mask_where(unknown, like + spread);
-        image.report.reflectance = image.report.reflectance * factor;
+        let factor = (log_cosine * exponent.clone()).exp();
+        let (of_any, of_any_square) = ((exponent.clone() + 2.0).recip() * 2.0, (exponent + 1.0).recip());
+        let mean = factor.clone() * seen.clone() + any.clone() * of_any;
+        let variance = factor.square() * seen + any * of_any_square - mean.clone().square();
+        let doubt = image.report.reflectance.clone() * variance.clamp_min(1e-10).sqrt();
+        image.report.reflectance = image.report.reflectance * mean;
         image.report.reflectance_sigma = (image.report.reflectance_sigma.square() + doubt.square()).sqrt();
         image
     }
