@@ -79,7 +79,7 @@ impl View {
     fn reach_rad(&self, i: usize) -> Option<f32> {
         let displaced = self.farthest_m / self.seen_m[i];
         // A pixel more: what is seen at its middle reaches to the next.
-        (self.seen_m[i] > 0.0 && displaced > HARDLY_DISPLACED * self.column_rad).then(|| displaced + self.column_rad)
+        (self.seen_m[i] > 0.0 && displaced > HARDLY_DISPLACED * self.column_rad).then_some(displaced + self.column_rad)
     }
 
     fn columns_within(&self, reach_rad: f32, ring: usize) -> usize {
