@@ -36,3 +36,4 @@ pub mod screen;
 pub mod significance;
 pub mod split;
 pub mod unpaired;
+mod voigt;
