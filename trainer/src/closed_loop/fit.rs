@@ -19,7 +19,7 @@ const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0, share: 0.0 };
 pub struct Manner<'a> {
     /// By how much the normals of the likelihood are widened, one search after the other, so that a start that is far off finds its way.
     pub widths: &'a [f64],
-    /// Whether every ring that has a number of its own that moves it is tried at many values before the last search.
+    /// Whether what moves rays by one number, or by one a ring, is tried at many values before the last search.
     pub scan: bool,
     /// How far the last search, which is exact, goes.
     pub effort: Effort,
@@ -120,7 +120,7 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
         means.iter().zip(found).for_each(|(i, found)| x[*i] = found);
     }
     if manner.scan {
-        problem.scan_rings(&mut x);
+        problem.scan(&mut x);
     }
     let exact = Softened { problem: &problem, soften: 0.0 };
     let minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);

@@ -13,7 +13,7 @@ use super::newton::{Groups, Objective};
 use super::score::{Scope, counted, per_block};
 use crate::effects::{ActsOn, Extent, Image, Kind};
 
-/// Values that are tried for a ring, in units of the typical size: from minus four to four.
+/// Values that are tried for a number, in units of the typical size: from minus four to four.
 const SCANNED: std::ops::RangeInclusive<i32> = -20..=20;
 
 /// The step between them.
@@ -192,30 +192,39 @@ impl<'a> Problem<'a> {
         sums.into_iter().reduce(|a, b| a.iter().zip(b).map(|(a, b)| a + b).collect()).unwrap_or_default()
     }
 
-    /// Tries values of any likely size where every ring has a number of its own that moves its rays, and gives each ring the one that
-    /// suits it best: far along the ground the likelihood has one sharp peak among many.
-    pub(super) fn scan_rings(&self, x: &mut [f64]) {
+    /// Tries values of any likely size for what moves rays by one number, or by one a ring, and takes those that suit best, every ring its
+    /// own: far along the ground the likelihood has one sharp peak among many.
+    pub(super) fn scan(&self, x: &mut [f64]) {
         let mut from = 0;
         for free in self.free {
             for (n, extent) in free.groups() {
                 let numbers = from..from + n;
                 from = numbers.end;
-                if !free.term.is_geometric() || extent != Extent::PerRing {
+                if !free.term.is_geometric() || !(extent == Extent::PerRing || free.term.fitted.len() == 1) {
                     continue;
                 }
-                let mut best = self.by_ring(x);
                 let held = x.to_vec();
-                for value in SCANNED.map(|step| f64::from(step) * SCAN_STEP) {
+                let at = |value: f64| {
                     let mut tried = held.clone();
                     tried[numbers.clone()].fill(value);
-                    for (ring, nats) in self.by_ring(&tried).into_iter().enumerate() {
-                        if nats > best[ring] {
-                            (best[ring], x[numbers.start + ring]) = (nats, value);
+                    self.of_each(&tried, extent)
+                };
+                let mut best = self.of_each(x, extent);
+                for value in SCANNED.map(|step| f64::from(step) * SCAN_STEP) {
+                    for (i, nats) in at(value).into_iter().enumerate() {
+                        if nats > best[i] {
+                            (best[i], x[numbers.start + i]) = (nats, value);
                         }
                     }
                 }
             }
         }
+    }
+
+    /// Log-likelihood of what each number of a group has a say in.
+    fn of_each(&self, x: &[f64], extent: Extent) -> Vec<f64> {
+        let by_ring = self.by_ring(x);
+        if extent == Extent::PerRing { by_ring } else { vec![by_ring.iter().sum()] }
     }
 }
 

@@ -12,17 +12,31 @@ const TERRAIN: f64 = 17.0;
 /// Squared cosine of a slope from which and up to which a surface is less and less level: 25° and 35°.
 const LEVEL: (f64, f64) = (0.82, 0.67);
 
-/// Share of the planes that end beside their pixel which are nothing like the surface, for reliefs that are finer than the rays; and the
-/// same of leaves, trunks and poles. Measured on streets of our own.
-const ASTRAY: (f64, f64) = (0.2, 0.65);
+/// Shares of the angles that are nothing like the true one, as weak returns from streets of our own tell: of planes that end beside their
+/// pixel, on the ground; on what is finer than the rays, leaves, trunks and poles; on everything else; and of ground that is only taken to
+/// be level, where kerbs stand.
+const ASTRAY: Astray = Astray { ground: 0.02, rough: 0.95, other: 0.4, level: 0.12 };
+
+struct Astray {
+    ground: f64,
+    rough: f64,
+    other: f64,
+    level: f64,
+}
 
 /// Classes of what is rounder and rougher than the rays are wide: vegetation, trunk; pole.
 const ROUGH: (f64, f64) = (15.0, 16.0);
 const POLE: f64 = 18.0;
 
-/// Mean and variance of ln cos α of an angle of which nothing is known. Facets of any orientation are seen in proportion to the area that
-/// they show, which makes cos² α uniform.
-pub(super) const ANY_ANGLE: (f64, f64) = (-0.5, 0.25);
+/// Where nothing is known of an angle, cosᵃ α is taken to be uniform: a = 2 for facets of any orientation, which are seen in proportion to
+/// the area that they show; less for what is smooth, whose plane an image shows the less the more it is seen from the side, as weak returns
+/// from streets of our own tell.
+const UNIFORM: Uniform = Uniform { any: 2.0, smooth: 1.4 };
+
+struct Uniform {
+    any: f64,
+    smooth: f64,
+}
 
 /// 1 on ground that is sealed, as far as the classes say; 0 elsewhere.
 fn sealed(image: &Image) -> Tensor<3> {
@@ -30,33 +44,54 @@ fn sealed(image: &Image) -> Tensor<3> {
     class.clone().greater_elem(SEALED.0 - 0.5).float() * class.clone().lower_elem(SEALED.1 + 0.5).float()
 }
 
+/// 1 on ground, sealed or not, as far as the classes say; 0 elsewhere.
+fn ground(image: &Image) -> Tensor<3> {
+    sealed(image) + (image.surface.class.clone() - TERRAIN).abs().lower_elem(0.5).float()
+}
+
 /// Cosine of the angle of incidence and 1 where it is known: from the plane that the image shows, or on ground, taken to be level, from the
 /// ray's elevation.
 fn cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
     let surface = &image.surface;
-    let terrain = (surface.class.clone() - TERRAIN).abs().lower_elem(0.5).float();
-    let ground = (sealed(image) + terrain) * (surface.known.clone() * -1.0 + 1.0);
+    let taken = ground(image) * (surface.known.clone() * -1.0 + 1.0);
     let level = image.rays.elevation_rad.clone().sin().abs().clamp_min(0.01) + surface.range_m.zeros_like();
-    let cosine = surface.cos_incidence.clone().mask_where(ground.clone().greater_elem(0.5), level);
-    (cosine, surface.known.clone() + ground)
+    let cosine = surface.cos_incidence.clone().mask_where(taken.clone().greater_elem(0.5), level);
+    (cosine, surface.known.clone() + taken)
 }
 
-/// Mean and variance of ln cos α, [`ANY_ANGLE`]'s where it is not known.
+/// 1 on leaves, trunks and poles, as far as the classes say; 0 elsewhere.
+fn rough(image: &Image) -> Tensor<3> {
+    let class = &image.surface.class;
+    class.clone().greater_elem(ROUGH.0 - 0.5).float() * class.clone().lower_elem(ROUGH.1 + 0.5).float()
+        + (class.clone() - POLE).abs().lower_elem(0.5).float()
+}
+
+/// The a of which cosᵃ α is uniform where the image does not show the angle, or shows it wrongly: ln cos α has a mean of −1/a and a variance
+/// of 1/a² then.
+pub(super) fn uniform(image: &Image) -> Tensor<3> {
+    let smooth = (image.surface.known.clone() * -1.0 + 1.0) * (rough(image) * -1.0 + 1.0);
+    smooth * (UNIFORM.smooth - UNIFORM.any) + UNIFORM.any
+}
+
+/// Mean and variance of ln cos α.
 pub(super) fn log_cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
     let (cosine, known) = cosine(image);
-    let unknown = known * -1.0 + 1.0;
+    let spread = (known * -1.0 + 1.0) / uniform(image);
     // Where nothing is known the cosine is 1.
-    (cosine.log() + unknown.clone() * ANY_ANGLE.0, unknown * ANY_ANGLE.1)
+    (cosine.log() - spread.clone(), spread.square())
 }
 
 /// Probability that the cosine of a known angle is nothing like the true one.
 pub(super) fn astray(image: &Image) -> Tensor<3> {
-    let class = &image.surface.class;
+    let (surface, ground) = (&image.surface, ground(image));
+    let class = &surface.class;
     let rough = class.clone().greater_elem(ROUGH.0 - 0.5).float() * class.clone().lower_elem(ROUGH.1 + 0.5).float()
         + (class.clone() - POLE).abs().lower_elem(0.5).float();
-    let share = rough * (ASTRAY.1 - ASTRAY.0) + ASTRAY.0;
-    let no_ground = sealed(image) * -1.0 + 1.0;
-    (image.surface.interior.clone() * -1.0 + 1.0) * image.surface.known.clone() * no_ground * share
+    let of_plane =
+        rough * (ASTRAY.rough - ASTRAY.other) + ground.clone() * (ASTRAY.ground - ASTRAY.other) + ASTRAY.other;
+    let border = (surface.interior.clone() * -1.0 + 1.0) * surface.known.clone();
+    let taken = ground * (surface.known.clone() * -1.0 + 1.0);
+    border * of_plane + taken * ASTRAY.level
 }
 
 /// Cosine of the angle of incidence, and to what part a film of water would stay: on sealed ground, or where classes are missing, on what

@@ -1,10 +1,10 @@
 //! Surfaces that send less light back the more they are seen from the side.
 
-use super::incidence::{astray, log_cosine};
+use super::incidence::{astray, log_cosine, uniform};
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
 /// I·cosᵖ α: p = 1 is Lambert's law, p = 0 a sensor that undoes it. Of a surface whose angle the image does not show, or shows wrongly,
-/// cos² α is uniform: the mean of cosᵖ α is then 2/(p + 2), and that of its square 1/(p + 1).
+/// cosᵃ α is uniform: the mean of cosᵖ α is then a/(p + a), and that of its square a/(2p + a).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IncidenceFalloff;
 
@@ -30,9 +30,10 @@ impl Effect for IncidenceFalloff {
         let unknown = variance.greater_elem(0.0).float();
         let any = unknown.clone() + astray(&image);
         let seen = any.clone() * -1.0 + 1.0;
-        let exponent = values.one(0).clamp(-0.8, 8.0);
+        let exponent = values.one(0).clamp(-0.6, 8.0);
         let factor = (log_cosine * exponent.clone()).exp();
-        let (of_any, of_any_square) = ((exponent.clone() + 2.0).recip() * 2.0, (exponent + 1.0).recip());
+        let a = uniform(&image);
+        let (of_any, of_any_square) = (a.clone() / (a.clone() + exponent.clone()), a.clone() / (a + exponent * 2.0));
         let mean = factor.clone() * seen.clone() + any.clone() * of_any;
         let variance = factor.square() * seen + any * of_any_square - mean.clone().square();
         let doubt = image.report.reflectance.clone() * variance.clamp_min(1e-10).sqrt();

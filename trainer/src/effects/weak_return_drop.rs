@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 
 use super::draw::cumulative;
-use super::incidence::{ANY_ANGLE, astray, log_cosine};
+use super::incidence::{astray, log_cosine, uniform};
 use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
 
 /// keep · Φ((ln P − ln P₀)/s), with P = ρ·cos α·e^{−2βr}/r² the power of a Lambertian target that fills the beam.
@@ -42,7 +42,8 @@ impl Effect for WeakReturnDrop {
         let above = power - range_m * values.one(2) * 2.0 - values.one(0).log();
         // Averaged over a normal ln cos α, the normal distribution function is one again, only wider.
         let softness = |variance: Tensor<3>| (variance + values.one(1).square()).sqrt();
-        let at_any = (above.clone() + ANY_ANGLE.0) / softness(above.zeros_like() + ANY_ANGLE.1);
+        let any = uniform(&image).recip();
+        let at_any = (above.clone() - any.clone()) / softness(any.square());
         let as_seen = cumulative(&((above + log_cosine) / softness(variance)));
         let detected = as_seen.clone() + (cumulative(&at_any) - as_seen) * astray(&image);
         image.report.keep = image.report.keep * detected;
