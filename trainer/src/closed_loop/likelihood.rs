@@ -4,8 +4,8 @@
 //! the extra returns. A reported range has the density of a mixture: normal around the surface, with wide tails where a moved ray's surface
 //! is not all known, a second surface where a moved ray passes an edge, a uniform part between two surfaces (mixed pixels), the extra
 //! returns, and a uniform outlier part over the sensor's range. Where ranges come in steps, the mixture says in which step, and a comb of
-//! teeth where in the step. A reported reflectance is normal around the surface's, held to a maximum if the sensor has one, censored at 0
-//! and 1, with an outlier part. Rays without a return are data.
+//! teeth where in the step. A reported reflectance is normal around the surface's, or around what the surface
+//! would report at another angle than the image shows, held to a maximum if the sensor has one, censored at 0 and 1, with an outlier part. Rays without a return are data.
 //!
 //! Each is a probability distribution whatever the parameters: densities integrate to 1, and no logarithm meets a 0.
 
@@ -116,7 +116,7 @@ pub fn reflectance(image: &Image, observed: &Observed, soften: f64) -> Tensor<3>
     let i = &observed.reflectance;
     let sigma = (report.reflectance_sigma.clone().square() + soften * soften).sqrt();
     let (floor, end) = (i.clone().lower_equal_elem(0.0), i.clone().greater_equal_elem(1.0));
-    let density = |mean: &Tensor<3>| {
+    let bell = |mean: &Tensor<3>, sigma: &Tensor<3>| {
         // The distribution's parts: inside, and what censoring heaps up at either end.
         let [below, inside, above] = match &image.ceiling {
             None => {
@@ -124,9 +124,19 @@ pub fn reflectance(image: &Image, observed: &Observed, soften: f64) -> Tensor<3>
                 let (below, above) = (mean.clone() * -1.0 / sigma.clone(), (mean.clone() - 1.0) / sigma.clone());
                 [cumulative(&below), normal(&z) / sigma.clone(), cumulative(&above)]
             }
-            Some(ceiling) => ceiling.parts(i, mean, &sigma, soften),
+            Some(ceiling) => ceiling.parts(i, mean, sigma, soften),
         };
         inside.mask_where(floor.clone(), below).mask_where(end.clone(), above)
+    };
+    let density = |mean: &Tensor<3>| {
+        let seen = bell(mean, &sigma);
+        match &image.other_angle {
+            None => seen,
+            Some(other) => {
+                let [mean, sigma] = other.reflectance(mean, &sigma);
+                seen.clone() + (bell(&mean, &sigma) - seen) * other.share.clone()
+            }
+        }
     };
     let mut likelihood = density(&report.reflectance);
     if let (Some(other), Some(beside)) = (&image.other, image.beside()) {
@@ -220,7 +230,7 @@ mod tests {
     use lidar::Sensor;
 
     use super::*;
-    use crate::effects::image::{Mixed, Other};
+    use crate::effects::image::{Mixed, Other, OtherAngle};
     use crate::effects::{Extra, Place, Rays, Simulated};
 
     const RINGS: usize = 4;
@@ -337,7 +347,20 @@ mod tests {
             image.ceiling = Some(Ceiling { maximum: one(maximum), scatter: one(scatter) });
             image
         };
-        for image in [image(), mixed(image()), held(0.6, 0.003), held(0.6, 0.06), held(0.95, 0.05), held(1.0, 0.02)] {
+        let astray = |mut image: Image| {
+            image.other_angle = Some(OtherAngle { share: one(0.3), factor: one(0.6), spread: one(0.4) });
+            image
+        };
+        for image in [
+            image(),
+            mixed(image()),
+            astray(held(0.6, 0.06)),
+            astray(image()),
+            held(0.6, 0.003),
+            held(0.6, 0.06),
+            held(0.95, 0.05),
+            held(1.0, 0.02),
+        ] {
             let n = 10_000;
             let mut grid: Vec<f32> = (0..n).map(|j| (j as f32 + 0.5) / n as f32).collect();
             grid.extend([0.0, 1.0]);

@@ -68,9 +68,7 @@ impl Predicted {
         let report = &image.report;
         let none = batch.observed.range_m.zeros_like();
         let most = image.ceiling.as_ref().map_or_else(|| none.clone() + 1.0, |c| none.clone() + c.maximum.clone());
-        let (mean, least) =
-            censored(&report.reflectance, &report.reflectance_sigma, &report.reflectance_outliers, &most);
-        let median = report.reflectance.clone().clamp_min(0.0).min_pair(most);
+        let [mean, median, sigma, least] = reflectance(image, &most);
         let scatter = image.ceiling.as_ref().map_or_else(|| none.clone(), |c| none.clone() + c.scatter.clone());
         let scatter_error = scatter.clone() * (2.0 / std::f64::consts::PI).sqrt();
         let least = (least.square() + scatter_error.square()).sqrt();
@@ -78,11 +76,11 @@ impl Predicted {
             (Some(other), Some(beside)) => {
                 let step = other.reflectance.clone() - image.surface.reflectance.clone();
                 let there = (report.reflectance.clone() + step).clamp(0.0, 1.0) - median.clone();
-                least.clone() + (distance_from(&there, &report.reflectance_sigma) - least) * beside
+                least.clone() + (distance_from(&there, &sigma) - least) * beside
             }
             _ => least,
         };
-        let reflectance_sigma = (report.reflectance_sigma.clone().square() + scatter.square()).sqrt();
+        let reflectance_sigma = (sigma.square() + scatter.square()).sqrt();
         // A reported range that is rounded to a step is off by the rounding too.
         let sigma_m = match &image.quantum {
             None => report.range_sigma_m.clone(),
@@ -178,6 +176,36 @@ fn certain(image: &Image, range_m: &[f32], sigma_m: &[f32], size: [usize; 3]) ->
         .collect()
 }
 
+/// Mean, median, standard deviation and mean distance from the median of reported reflectances, held between 0 and `most`.
+fn reflectance(image: &Image, most: &Tensor<3>) -> [Tensor<3>; 4] {
+    let report = &image.report;
+    let (seen, sigma) = (&report.reflectance, &report.reflectance_sigma);
+    let of = |mean: &Tensor<3>, sigma: &Tensor<3>| censored(mean, sigma, &report.reflectance_outliers, most);
+    let (mean, least) = of(seen, sigma);
+    let Some(other) = &image.other_angle else {
+        return [mean, held(seen, most), sigma.clone(), least];
+    };
+    let share = other.share.clone();
+    let [there, wide] = other.reflectance(seen, sigma);
+    let (mean_there, least_there) = of(&there, &wide);
+    let mostly = (share.clone() + least.zeros_like()).greater_elem(0.5);
+    let off = there.clone() - seen.clone();
+    let from_seen = least.mask_where(mostly.clone(), distance_from(&off, sigma));
+    let from_there = distance_from(&off, &wide).mask_where(mostly.clone(), least_there);
+    let between = off.square() * share.clone() * (share.clone() * -1.0 + 1.0);
+    let variance = sigma.clone().square() + (wide.square() - sigma.clone().square()) * share.clone() + between;
+    [
+        mean.clone() + (mean_there - mean) * share.clone(),
+        held(&(seen.clone() + mostly.float() * (there - seen.clone())), most),
+        variance.sqrt(),
+        from_seen.clone() + (from_there - from_seen) * share,
+    ]
+}
+
+fn held(x: &Tensor<3>, most: &Tensor<3>) -> Tensor<3> {
+    x.clone().clamp_min(0.0).min_pair(most.clone())
+}
+
 /// Mean distance of a normal number from a place that is this far from its mean.
 fn distance_from(far: &Tensor<3>, sigma: &Tensor<3>) -> Tensor<3> {
     let u = far.clone() / sigma.clone();
@@ -195,14 +223,14 @@ fn censored(mean: &Tensor<3>, sigma: &Tensor<3>, outliers: &Tensor<3>, most: &Te
         u.clone() * cumulative(&u) + density
     };
     let at = |x: Tensor<3>| g(x / sigma.clone()) * sigma.clone();
-    let median = mean.clone().clamp_min(0.0).min_pair(most.clone());
+    let median = held(mean, most);
     let below_0 = at(mean.clone() * -1.0);
     let above = at(mean.clone() - most.clone());
-    let held = mean.clone() + below_0.clone() - above.clone();
+    let inside_mean = mean.clone() + below_0.clone() - above.clone();
     let distance = at(median.clone() - mean.clone()) - below_0 + at(mean.clone() - median.clone()) - above;
     let uniform = (median.clone().square() + (median * -1.0 + 1.0).square()) * 0.5;
     let inside = outliers.clone() * -1.0 + 1.0;
-    (held * inside.clone() + outliers.clone() * 0.5, distance * inside + uniform * outliers.clone())
+    (inside_mean * inside.clone() + outliers.clone() * 0.5, distance * inside + uniform * outliers.clone())
 }
 
 #[cfg(test)]

@@ -28,7 +28,12 @@ impl Image {
         let keep = self.reported();
         let mut range_m = report.range_m.clone() + normal(range_noise) * report.range_sigma_m.clone();
         let (sigma, like) = (&report.reflectance_sigma, range_m.zeros_like());
-        let mut reflectance = report.reflectance.clone() + normal(reflectance_noise) * sigma.clone();
+        let mut reflectance = report.reflectance.clone() + normal(reflectance_noise.clone()) * sigma.clone();
+        if let Some(other) = &self.other_angle {
+            let [mean, sigma] = other.reflectance(&report.reflectance, sigma);
+            let comes = which.clone().lower(like.clone() + other.share.clone());
+            reflectance = reflectance.mask_where(comes, mean + normal(reflectance_noise) * sigma);
+        }
         if let (Some(other), Some(beside)) = (&self.other, self.beside()) {
             let passed = place.clone().greater(beside * -1.0 + 1.0).float();
             range_m = range_m + (other.range_m.clone() - self.surface.range_m.clone()) * passed.clone();

@@ -29,6 +29,8 @@ pub struct Image {
     pub frame: Tensor<3>,
     /// The distribution of what the sensor reports of the surface, given that the ray hits one.
     pub report: Report,
+    /// What surfaces report that are seen at another angle than the image shows.
+    pub other_angle: Option<OtherAngle>,
     /// Returns that come from no surface of the simulation, or replace it.
     pub extra: Vec<Extra>,
     /// Returns between two surfaces, of which a ray has one at most: their probabilities add up.
@@ -69,6 +71,17 @@ pub struct Other {
     pub reflectance: Tensor<3>,
     /// Probability that the ray hits it.
     pub weight: Tensor<3>,
+}
+
+/// What a surface reports if it is seen at another angle than the image shows.
+#[derive(Clone, Debug)]
+pub struct OtherAngle {
+    /// Probability that it is.
+    pub share: Tensor<3>,
+    /// Mean reflectance, as a multiple of the report's.
+    pub factor: Tensor<3>,
+    /// Standard deviation of it, likewise.
+    pub spread: Tensor<3>,
 }
 
 /// A return somewhere between two surfaces, uniformly.
@@ -138,6 +151,7 @@ impl Image {
             passage: None,
             frame: simulated.frame,
             report,
+            other_angle: None,
             extra: vec![],
             mixed: vec![],
             quantum: None,
@@ -196,5 +210,13 @@ impl Image {
             None => surface,
             Some(none) => (surface * -1.0 + 1.0) * none * -1.0 + 1.0,
         }
+    }
+}
+
+impl OtherAngle {
+    /// Mean and standard deviation of the reflectance at the other angle, where these are what the angle that the image shows makes of it.
+    pub(crate) fn reflectance(&self, mean: &Tensor<3>, sigma: &Tensor<3>) -> [Tensor<3>; 2] {
+        let spread = mean.clone() * self.spread.clone();
+        [mean.clone() * self.factor.clone(), (sigma.clone().square() + spread.square()).sqrt()]
     }
 }

@@ -2,6 +2,7 @@
 
 use burn::tensor::Tensor;
 
+use super::Parameter;
 use super::image::Image;
 use super::surface::dot;
 
@@ -13,14 +14,13 @@ const TERRAIN: f64 = 17.0;
 const LEVEL: (f64, f64) = (0.82, 0.67);
 
 /// Shares of the angles that are nothing like the true one, as weak returns from streets of our own tell: of planes that end beside their
-/// pixel, on the ground; on what is finer than the rays, leaves, trunks and poles; on everything else; and of ground that is only taken to
-/// be level, where kerbs stand.
-const ASTRAY: Astray = Astray { ground: 0.02, rough: 0.95, other: 0.4, level: 0.12 };
+/// pixel, on the ground, and on what is finer than the rays, leaves, trunks and poles; and of ground that is only taken to be level, where
+/// kerbs stand. Of planes on anything else, which depends on how much relief there is, a fit tells: [`strays`].
+const ASTRAY: Astray = Astray { ground: 0.02, rough: 0.95, level: 0.12 };
 
 struct Astray {
     ground: f64,
     rough: f64,
-    other: f64,
     level: f64,
 }
 
@@ -81,14 +81,17 @@ pub(super) fn log_cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
     (cosine.log() - spread.clone(), spread.square())
 }
 
-/// Probability that the cosine of a known angle is nothing like the true one.
-pub(super) fn astray(image: &Image) -> Tensor<3> {
-    let (surface, ground) = (&image.surface, ground(image));
-    let class = &surface.class;
-    let rough = class.clone().greater_elem(ROUGH.0 - 0.5).float() * class.clone().lower_elem(ROUGH.1 + 0.5).float()
-        + (class.clone() - POLE).abs().lower_elem(0.5).float();
-    let of_plane =
-        rough * (ASTRAY.rough - ASTRAY.other) + ground.clone() * (ASTRAY.ground - ASTRAY.other) + ASTRAY.other;
+/// The share of the planes of facades, vehicles and the like, where they end beside their pixel, that are nothing like the surface: reliefs
+/// are finer than the rays.
+pub(super) const fn strays() -> Parameter {
+    Parameter::probability("strays", 0.3, (0.0, 1.0))
+}
+
+/// Probability that the cosine of a known angle is nothing like the true one; `strays` is [`strays`]' number.
+pub(super) fn astray(image: &Image, strays: Tensor<3>) -> Tensor<3> {
+    let (surface, ground, rough) = (&image.surface, ground(image), rough(image));
+    let smooth = (ground.clone() + rough.clone()) * -1.0 + 1.0;
+    let of_plane = rough * ASTRAY.rough + ground.clone() * ASTRAY.ground + smooth * strays;
     let border = (surface.interior.clone() * -1.0 + 1.0) * surface.known.clone();
     let taken = ground * (surface.known.clone() * -1.0 + 1.0);
     border * of_plane + taken * ASTRAY.level

@@ -1,6 +1,7 @@
 //! Surfaces that send less light back the more they are seen from the side.
 
-use super::incidence::{astray, log_cosine, uniform};
+use super::image::OtherAngle;
+use super::incidence::{astray, log_cosine, strays, uniform};
 use super::{About, ActsOn, Channel, Effect, Image, Parameter, Values};
 
 /// I·cosᵖ α: p = 1 is Lambert's law, p = 0 a sensor that undoes it. Of a surface whose angle the image does not show, or shows wrongly,
@@ -22,23 +23,27 @@ impl Effect for IncidenceFalloff {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        vec![Parameter::free("exponent", 0.3, (-0.5, 5.0))]
+        vec![Parameter::free("exponent", 0.3, (-0.5, 5.0)), strays()]
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
         let (log_cosine, variance) = log_cosine(&image);
         let unknown = variance.greater_elem(0.0).float();
-        let any = unknown.clone() + astray(&image);
-        let seen = any.clone() * -1.0 + 1.0;
         let exponent = values.one(0).clamp(-0.6, 8.0);
-        let factor = (log_cosine * exponent.clone()).exp();
         let a = uniform(&image);
-        let (of_any, of_any_square) = (a.clone() / (a.clone() + exponent.clone()), a.clone() / (a + exponent * 2.0));
-        let mean = factor.clone() * seen.clone() + any.clone() * of_any;
-        let variance = factor.square() * seen + any * of_any_square - mean.clone().square();
-        let doubt = image.report.reflectance.clone() * variance.clamp_min(1e-10).sqrt();
-        image.report.reflectance = image.report.reflectance * mean;
+        let of_any = a.clone() / (a.clone() + exponent.clone());
+        let of_any_square = a.clone() / (a + exponent.clone() * 2.0);
+        let spread = (of_any_square - of_any.clone().square()).clamp_min(1e-10).sqrt();
+        let seen = (log_cosine * exponent).exp();
+        let mean = seen.clone() + (of_any.clone() - seen) * unknown.clone();
+        let doubt = image.report.reflectance.clone() * spread.clone() * unknown;
+        image.report.reflectance = image.report.reflectance * mean.clone();
         image.report.reflectance_sigma = (image.report.reflectance_sigma.square() + doubt.square()).sqrt();
+        image.other_angle = Some(OtherAngle {
+            share: astray(&image, values.one(1)),
+            factor: of_any / mean.clone(),
+            spread: spread / mean,
+        });
         image
     }
 }
@@ -51,9 +56,9 @@ mod tests {
     use crate::effects::trial::Trial;
 
     #[test]
-    fn a_fit_finds_the_exponent() {
+    fn a_fit_finds_the_exponent_and_the_share_of_strays() {
         for exponent in [0.3, 1.0, 1.5] {
-            Trial::of(Arc::new(IncidenceFalloff), &[exponent]).found_within(0.02);
+            Trial::of(Arc::new(IncidenceFalloff), &[exponent, 0.2]).each_within(&[0.02, 0.1]);
         }
     }
 }

@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 
 use super::draw::cumulative;
-use super::incidence::{astray, log_cosine, uniform};
+use super::incidence::{astray, log_cosine, strays, uniform};
 use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
 
 /// keep · Φ((ln P − ln P₀)/s), with P = ρ·cos α·e^{−2βr}/r² the power of a Lambertian target that fills the beam.
@@ -31,6 +31,7 @@ impl Effect for WeakReturnDrop {
             Parameter::positive("p_min_per_m2", 1e-9, (1e-9, 1.0)),
             Parameter::positive("softness", 0.5, (0.02, 5.0)),
             Parameter::free("beta_per_m", 0.002, (-0.005, 0.1)),
+            strays(),
         ]
     }
 
@@ -45,7 +46,7 @@ impl Effect for WeakReturnDrop {
         let any = uniform(&image).recip();
         let at_any = (above.clone() - any.clone()) / softness(any.square());
         let as_seen = cumulative(&((above + log_cosine) / softness(variance)));
-        let detected = as_seen.clone() + (cumulative(&at_any) - as_seen) * astray(&image);
+        let detected = as_seen.clone() + (cumulative(&at_any) - as_seen) * astray(&image, values.one(3));
         image.report.keep = image.report.keep * detected;
         image
     }
@@ -59,7 +60,8 @@ impl Effect for WeakReturnDrop {
         let powers: Vec<f32> = hit.map(power).collect();
         let thresholds = [0.005, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
         let thresholds = thresholds.iter().filter_map(|q| Evidence::quantile(powers.iter().copied(), *q));
-        let candidates = thresholds.flat_map(|p_min| [0.1, 0.4, 1.5].map(|softness| vec![p_min, softness, 0.0]));
+        let candidates =
+            thresholds.flat_map(|p_min| [0.1, 0.4, 1.5].map(|softness| vec![p_min, softness, 0.0, strays().start]));
         let detected = |candidate: &[f64], i: usize| {
             let z = (f64::from(power(i)) / candidate[0]).ln() / candidate[1];
             // The logistic function of 1.702 z is within 0.01 of the normal distribution function (Haley 1952).
@@ -78,7 +80,7 @@ mod tests {
 
     #[test]
     fn a_fit_finds_the_weakest_power() {
-        let trial = Trial::of(Arc::new(WeakReturnDrop), &[1e-4, 0.4, 0.0]);
-        trial.each_within(&[2e-5, 0.1, 0.004]);
+        let trial = Trial::of(Arc::new(WeakReturnDrop), &[1e-4, 0.4, 0.0, 0.3]);
+        trial.each_within(&[2e-5, 0.1, 0.004, 0.4]);
     }
 }

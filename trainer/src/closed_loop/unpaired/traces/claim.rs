@@ -37,16 +37,17 @@ impl Traces {
     fn found(&self, q_value: f64, ties: &[String]) -> Option<Found> {
         let effect = library().into_iter().find(|effect| effect.about().name == self.over.effect())?;
         let (value, stderr) = self.coefficients.difference();
-        let (physical, stderr) = match self.over {
+        let term = Term::new(effect, self.rings);
+        let (mut physical, mut stderr) = match self.over {
             Over::Ring => {
                 let log_gains = self.centred(&value);
-                let gains = log_gains.iter().map(|g| g.exp()).chain(vec![0.0; self.rings]).collect::<Vec<_>>();
+                let gains = log_gains.iter().map(|g| g.exp()).collect::<Vec<_>>();
                 let stderr = gains
                     .iter()
                     .zip(&stderr)
                     .zip(&self.known)
                     .map(|((g, e), known)| if *known { g * e } else { f64::NAN });
-                (gains.clone(), stderr.chain(vec![f64::NAN; self.rings]).collect())
+                (gains.clone(), stderr.collect())
             }
             Over::Range => {
                 let (found, draws) = self.falloff.as_ref()?;
@@ -64,16 +65,13 @@ impl Traces {
                 let (found, draws) = self.detection.as_ref()?;
                 let errors =
                     [deviation(draws.iter().map(|d| d.log_p0.exp())), deviation(draws.iter().map(|d| d.softness))];
-                (vec![found.log_p0.exp(), found.softness, 0.0], vec![errors[0], errors[1], f64::NAN])
+                (vec![found.log_p0.exp(), found.softness], errors.to_vec())
             }
         };
-        Some(Found {
-            term: Term::new(effect, self.rings).at(&physical),
-            stderr,
-            gain: self.gain.nats,
-            q_value,
-            ties: ties.to_vec(),
-        })
+        // What strata do not tell stays where a fit would start.
+        physical.extend_from_slice(&term.physical()[physical.len()..]);
+        stderr.resize(physical.len(), f64::NAN);
+        Some(Found { term: term.at(&physical), stderr, gain: self.gain.nats, q_value, ties: ties.to_vec() })
     }
 
     fn curve(&self) -> Curve {
