@@ -159,7 +159,11 @@ impl Surface {
     /// both belong to one smooth surface, what lies between; where they meet in a crease, the nearer of two that are hollow and the
     /// farther of two that bulge.
     fn meet(&self, aim: &Aim, here: Look, there: Look, rays: &Rays) -> (Self, Other) {
-        let between_m = (here.inverse.clone() + (there.inverse - here.inverse) * aim.part.clone()).recip();
+        let between_m =
+            (here.inverse.clone() + (there.inverse.clone() - here.inverse.clone()) * aim.part.clone()).recip();
+        // However far from its pixel that is: where a wall rises from the ground, the ground goes on behind it.
+        let there_farther = there.inverse.clone().lower(here.inverse).float() * 2.0 - 1.0;
+        let there_m = there.inverse.recip();
         let (here, there) = (here.surface, there.surface);
         let point = rays.directions(&Bend::default()).map(|u| u * self.range_m.clone());
         let of = |pixels: &Pixels, plane: &[Tensor<3>; 3]| dot(plane, &point.each_ref().map(|x| pixels.of(x))) - 1.0;
@@ -171,12 +175,13 @@ impl Surface {
         let crease = (there_nearer.clone() * here_nearer).greater_elem(0.0).float() * known;
         let crease = crease.mask_fill(smooth.clone(), 0.0).greater_elem(0.5);
         let bulging = there_nearer.greater_elem(0.0).float() * 2.0 - 1.0;
-        let farther = (there.range_m.clone() - here.range_m.clone()) * bulging;
-        let swap = (farther.greater_elem(0.0).float() * crease.clone().float()).greater_elem(0.5);
+        let swap = (there_farther * bulging.clone()).greater_elem(0.0).bool_and(crease.clone());
+        let absurd = astray(&there_m, &aim.beside.of(&self.range_m)).bool_and(bulging.greater_elem(0.0));
+        let swap = swap.bool_and(absurd.bool_not());
 
         let which = |here: &Tensor<3>, there: &Tensor<3>| here.clone().mask_where(swap.clone(), there.clone());
         let met = Self {
-            range_m: which(&here.range_m, &there.range_m).mask_where(smooth.clone(), between_m),
+            range_m: which(&here.range_m, &there_m).mask_where(smooth.clone(), between_m),
             hit: which(&here.hit, &there.hit),
             reflectance: which(&here.reflectance, &there.reflectance),
             class: which(&here.class, &there.class),
