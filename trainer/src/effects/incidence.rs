@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use super::image::Image;
-use super::surface::dot;
+use super::surface::{dot, rough};
 
 /// Classes of the ground, sealed and not: road, parking, sidewalk, other ground; terrain.
 const SEALED: (f64, f64) = (9.0, 12.0);
@@ -14,19 +14,14 @@ const TERRAIN: f64 = 17.0;
 const LEVEL: (f64, f64) = (0.82, 0.67);
 
 /// Shares of the angles that are nothing like the true one, as weak returns from streets of our own tell: of planes that end beside their
-/// pixel, on the ground, and on what is finer than the rays, leaves, trunks and poles; and of ground that is only taken to be level, where
-/// kerbs stand. Of planes on anything else, which depends on how much relief there is, a fit tells: [`strays`].
-const ASTRAY: Astray = Astray { ground: 0.02, rough: 0.95, level: 0.12 };
+/// pixel, on the ground; and of ground that is only taken to be level, where kerbs stand. Of planes on anything else, which depends on how
+/// much relief there is, a fit tells: [`strays`].
+const ASTRAY: Astray = Astray { ground: 0.02, level: 0.12 };
 
 struct Astray {
     ground: f64,
-    rough: f64,
     level: f64,
 }
-
-/// Classes of what is rounder and rougher than the rays are wide: vegetation, trunk; pole.
-const ROUGH: (f64, f64) = (15.0, 16.0);
-const POLE: f64 = 18.0;
 
 /// Where nothing is known of an angle, cosᵃ α is taken to be uniform: a = 2 for facets of any orientation, which are seen in proportion to
 /// the area that they show; less for what is smooth, whose plane an image shows the less the more it is seen from the side, as weak returns
@@ -59,17 +54,10 @@ fn cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
     (cosine, surface.known.clone() + taken)
 }
 
-/// 1 on leaves, trunks and poles, as far as the classes say; 0 elsewhere.
-fn rough(image: &Image) -> Tensor<3> {
-    let class = &image.surface.class;
-    class.clone().greater_elem(ROUGH.0 - 0.5).float() * class.clone().lower_elem(ROUGH.1 + 0.5).float()
-        + (class.clone() - POLE).abs().lower_elem(0.5).float()
-}
-
 /// The a of which cosᵃ α is uniform where the image does not show the angle, or shows it wrongly: ln cos α has a mean of −1/a and a variance
 /// of 1/a² then.
 pub(super) fn uniform(image: &Image) -> Tensor<3> {
-    let smooth = (image.surface.known.clone() * -1.0 + 1.0) * (rough(image) * -1.0 + 1.0);
+    let smooth = (image.surface.known.clone() * -1.0 + 1.0) * (rough(&image.surface.class) * -1.0 + 1.0);
     smooth * (UNIFORM.smooth - UNIFORM.any) + UNIFORM.any
 }
 
@@ -89,9 +77,8 @@ pub(super) const fn strays() -> Parameter {
 
 /// Probability that the cosine of a known angle is nothing like the true one; `strays` is [`strays`]' number.
 pub(super) fn astray(image: &Image, strays: Tensor<3>) -> Tensor<3> {
-    let (surface, ground, rough) = (&image.surface, ground(image), rough(image));
-    let smooth = (ground.clone() + rough.clone()) * -1.0 + 1.0;
-    let of_plane = rough * ASTRAY.rough + ground.clone() * ASTRAY.ground + smooth * strays;
+    let (surface, ground) = (&image.surface, ground(image));
+    let of_plane = ground.clone() * ASTRAY.ground + (ground.clone() * -1.0 + 1.0) * strays;
     let border = (surface.interior.clone() * -1.0 + 1.0) * surface.known.clone();
     let taken = ground * (surface.known.clone() * -1.0 + 1.0);
     border * of_plane + taken * ASTRAY.level

@@ -23,11 +23,19 @@ const ENOUGH_SPAN: f64 = 0.4;
 /// Votes that a plane loses for each pixel of another class that it is laid through.
 const OTHER_CLASS: f64 = 1.5;
 
-/// Cosine of the incidence angle from which on a plane that only votes along one line span is believed, if it stays within a class.
-const STEEP: f64 = 0.02;
+/// Cosine of the incidence angle from which on a plane that only votes along one line span is believed, if it stays within a class: of
+/// level planes, and of others, of which many join two edges.
+const STEEP: (f64, f64) = (0.02, 0.1);
+
+/// Squared cosine of a level plane's slope.
+const LEVEL: f64 = 0.9;
 
 /// Relative error of a neighbour's range up to which it is on a pixel's plane.
 const ON_PLANE: f64 = 0.005;
+
+/// Classes of what is rounder and finer than the rays are wide, so that no plane of it is known: vegetation, trunk; pole.
+const ROUGH: (f64, f64) = (15.0, 16.0);
+const POLE: f64 = 18.0;
 
 /// Cosine of the incidence angle below which a plane is an artefact: it runs along the ray.
 const GRAZING: f64 = 0.004;
@@ -74,7 +82,7 @@ impl Surface {
         let up_left = seen.candidate(-1, -1);
         let best = up_left.or(seen.candidate(-1, 1)).or(seen.candidate(1, -1)).or(seen.candidate(1, 1));
 
-        let known = best.believed * hit.clone();
+        let known = best.believed * hit.clone() * (rough(&class) * -1.0 + 1.0);
         let unknown = known.clone().equal_elem(0.0);
         let inverse = hit.clone() / range_m.clone().clamp_min(1e-3);
         let facing = directions.map(|u| u * inverse.clone());
@@ -90,6 +98,12 @@ impl Surface {
     pub fn height_m(&self, rays: &Rays) -> Tensor<3> {
         self.range_m.clone() * rays.elevation_rad.clone().sin()
     }
+}
+
+/// 1 on leaves, trunks and poles, as far as the classes say; 0 elsewhere.
+pub(super) fn rough(class: &Tensor<3>) -> Tensor<3> {
+    class.clone().greater_elem(ROUGH.0 - 0.5).float() * class.clone().lower_elem(ROUGH.1 + 0.5).float()
+        + (class.clone() - POLE).abs().lower_elem(0.5).float()
 }
 
 /// For each pixel the plane through it that is parallel to the known plane, among its neighbours', that it is nearest to; `facing` where
@@ -153,10 +167,10 @@ impl<'a> Seen<'a> {
         let normal = cross(&to(down, 0), &to(0, right));
         let offset = dot(&normal, &self.point);
         let size = dot(&normal, &normal).clamp_min(1e-30).sqrt();
-        let cosine = offset.clone().abs() / (size * self.range_m.clone().clamp_min(1e-3));
+        let cosine = offset.clone().abs() / (size.clone() * self.range_m.clone().clamp_min(1e-3));
         let grazing = cosine.clone().lower_elem(GRAZING);
         let offset = offset.mask_fill(grazing.clone(), 1.0);
-        let plane = normal.map(|n| n / offset.clone());
+        let plane = normal.clone().map(|n| n / offset.clone());
 
         // A pixel without a return is at the origin, which lies on no plane a·x = 1: it has no vote, and no plane goes through it.
         let vote = |at: &[Tensor<3>; 3]| {
@@ -170,7 +184,9 @@ impl<'a> Seen<'a> {
         let [a, b, c, d] = self.diagonal.each_ref().map(vote);
         let elsewhere = self.elsewhere(down, 0) + self.elsewhere(0, right);
         let votes = column + row + a + b + c + d + span.clone() - elsewhere.clone() * OTHER_CLASS;
-        let steep = cosine.greater_elem(STEEP).float() * elsewhere.lower_elem(0.5).float();
+        let level = (normal[2].clone().square() / (size.clone() * size.clone())).greater_elem(LEVEL).float();
+        let steep =
+            cosine.clone().greater(level * (STEEP.0 - STEEP.1) + STEEP.1).float() * elsewhere.lower_elem(0.5).float();
         let spans = (span.greater_elem(ENOUGH_SPAN).float() + steep).clamp_max(1.0);
         let believed = spans * votes.clone().greater_elem(ENOUGH_VOTES).float();
         Candidate { plane, votes: votes.mask_fill(grazing, -9.0), believed }
