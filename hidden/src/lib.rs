@@ -45,6 +45,6 @@ pub use range::Range;
 pub use recipe::{HiddenFrame, Noise, Recipe, frame, frames};
 pub use reflectance::Reflectance;
 pub use returns::Returns;
-pub use sensors::small_sensor;
+pub use sensors::{even_sensor, small_sensor};
 pub use set::{SetError, write};
 pub use unknown::Unknown;

@@ -1,6 +1,7 @@
 //! Sensors of many kinds, small enough that hundreds of sets can be judged.
 
 use lidar::Sensor;
+use lidar::sensor::SensorError;
 use rand::{RngExt, SeedableRng};
 
 use crate::dice::Dice;
@@ -22,6 +23,16 @@ pub fn small_sensor(seed: u64) -> Sensor {
     let name = format!("spinning-{rings}-{columns}-{seed}");
     Sensor::from_elevations_deg(&name, elevations_deg, columns, (1.0, farthest_m), rotation_hz)
         .unwrap_or_else(|_| unreachable!("every number above is within what a sensor may have"))
+}
+
+/// A made-up sensor of any size: rings evenly from 5° above to 25° below, up to 100 m.
+///
+/// # Errors
+/// If no sensor has so many rings or columns.
+pub fn even_sensor(rings: usize, columns: usize) -> Result<Sensor, SensorError> {
+    let gap_deg = 30.0 / rings.saturating_sub(1).max(1) as f64;
+    let elevations_deg = (0..rings).map(|i| 5.0 - gap_deg * i as f64);
+    Sensor::from_elevations_deg(&format!("even-{rings}-{columns}"), elevations_deg, columns, (1.0, 100.0), 10.0)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! One set of the benchmark: what is asked, and the recipe that it is made by.
 
-use hidden::{Defect, Noise, Recipe, small_sensor, typical};
+use hidden::{Defect, Noise, Recipe, even_sensor, small_sensor, typical};
 use lidar::Sensor;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -29,6 +29,15 @@ pub enum Extent {
     Full,
     /// One frame in each of six streets; 16 rings and 256 columns.
     Small,
+    /// Two frames in each of so many streets, of so many rings and columns.
+    Grid {
+        /// Rings.
+        rings: usize,
+        /// Columns.
+        columns: usize,
+        /// Streets.
+        scenes: usize,
+    },
 }
 
 impl Case {
@@ -46,7 +55,7 @@ impl Case {
     /// The recipe of its set.
     ///
     /// # Panics
-    /// If one of its names is no defect's.
+    /// If one of its names is no defect's, or no sensor has the grid of its extent.
     pub fn recipe(&self, extent: Extent) -> Recipe {
         let seed = self.seed();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -60,12 +69,16 @@ impl Case {
         match extent {
             Extent::Full => recipe,
             Extent::Small => Recipe { scenes: 6, frames_per_scene: 1, ..recipe },
+            Extent::Grid { scenes, .. } => Recipe { scenes, ..recipe },
         }
     }
 }
 
 impl Extent {
     fn sensor(self, seed: u64) -> Sensor {
+        if let Self::Grid { rings, columns, .. } = self {
+            return even_sensor(rings, columns).unwrap_or_else(|error| panic!("{rings} × {columns}: {error}"));
+        }
         let fits = |sensor: &Sensor| self == Self::Full || (sensor.rings().len(), sensor.columns()) == (16, 256);
         let mut sensors = (0..).map(|k: u64| small_sensor(seed.wrapping_add(k)));
         sensors.find(fits).unwrap_or_else(|| unreachable!("a sixth of all seeds fit"))

@@ -15,7 +15,7 @@
 //! - `pairs`: each of the two is named, in whatever place, or among the ties of an added effect.
 //! - `unknown`: the first unexplained dependence is of the defect's channel and has its covariates, one for one and no more.
 //! - `nothing`: no effect and no unexplained dependence.
-//! - `size`: named first, at sizes from a sixteenth to twice the typical. Shares are made to rise with size by isotonic regression; the
+//! - `size`: named first, at sizes from 1/128 to twice the typical. Shares are made to rise with size by isotonic regression; the
 //!   size at which one half or 95 % are found is interpolated on the logarithm of size.
 //! - *Error removed*: on the confirm scenes, (before − after) / (before − ceiling) in the channels that the defect acts on, the least of
 //!   them; the ceiling is that of the noise that was hidden, not of the noise that was found. Tables give the median over sets.

@@ -20,7 +20,7 @@ pub enum Suite {
     Unknown,
     /// None.
     Nothing,
-    /// One at sizes from a sixteenth of the typical to twice.
+    /// One at sizes from 1/128 of the typical to twice.
     Size,
 }
 
@@ -78,7 +78,7 @@ const SIZED: &[&str] = &[
 ];
 
 /// Sizes, as powers of two.
-const SIZES_LOG2: std::ops::RangeInclusive<i32> = -4..=1;
+const SIZES_LOG2: std::ops::RangeInclusive<i32> = -7..=1;
 
 impl Suite {
     /// Every suite.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
 use clap::Args;
-use hidden::{LIBRARY, UNKNOWN};
+use hidden::{LIBRARY, UNKNOWN, even_sensor};
 use trainer::benchmark::{Extent, Judgement, Row, Run, Selection, Suite, append, resume, run, table};
 
 #[derive(Debug, Args)]
@@ -30,8 +30,11 @@ pub(crate) struct BenchmarkArgs {
     /// Small sets: one frame in each of six streets, 16 rings of 256 columns.
     #[arg(long)]
     small: bool,
+    /// Sets of so many rings, columns and frames, such as 64x2048x24.
+    #[arg(long, value_parser = grid, conflicts_with = "small")]
+    grid: Option<Extent>,
     /// A handful of small sets, to see that everything runs.
-    #[arg(long, conflicts_with_all = ["suite", "seeds", "only"])]
+    #[arg(long, conflicts_with_all = ["suite", "seeds", "only", "grid"])]
     short: bool,
 }
 
@@ -47,7 +50,7 @@ impl BenchmarkArgs {
         } else {
             Selection { suites, seeds: self.seeds, only: self.only }.cases()
         };
-        let extent = if self.small || self.short { Extent::Small } else { Extent::Full };
+        let extent = if self.small || self.short { Extent::Small } else { self.grid.unwrap_or(Extent::Full) };
         if let Some(path) = self.out.as_ref().filter(|path| !self.resume && path.exists()) {
             bail!("{} exists already; --resume goes on from it", path.display());
         }
@@ -78,4 +81,15 @@ impl BenchmarkArgs {
         print!("{}", table(&rows));
         Ok(())
     }
+}
+
+/// `RINGSxCOLUMNSxFRAMES`.
+fn grid(text: &str) -> Result<Extent> {
+    let numbers: Vec<usize> = text.split('x').map(str::parse).collect::<Result<_, _>>().unwrap_or_default();
+    let &[rings, columns, frames] = numbers.as_slice() else {
+        bail!("RINGSxCOLUMNSxFRAMES, such as 64x2048x24");
+    };
+    ensure!(frames >= 6 && frames.is_multiple_of(2), "{frames} frames: two in each of three or more streets");
+    even_sensor(rings, columns)?;
+    Ok(Extent::Grid { rings, columns, scenes: frames / 2 })
 }

@@ -20,7 +20,7 @@ use super::refit::{physical_stderr, refitted};
 use super::score::{Scope, total};
 use super::screen::{Screening, screen};
 use super::significance::benjamini_hochberg;
-use crate::effects::{ActsOn, Channel};
+use crate::effects::{ActsOn, Channel, Kind};
 
 /// False discoveries among the claims.
 const FALSE_DISCOVERIES: f64 = 0.05;
@@ -56,6 +56,9 @@ const FAR_MORE: f64 = 1.2;
 /// Share of an effect's gain that its placebo has to reach where it is fitted to be worth more than a glance.
 const FAR_LESS: f64 = 0.5;
 
+/// Standard errors by which a number has to differ from nothing for an effect to be claimed in the end.
+const SURE: f64 = 3.0;
+
 /// Seed of the screening's bootstrap.
 const SEED: u64 = 1;
 
@@ -84,8 +87,9 @@ pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progre
         }
     }
     search.add_tables();
+    let errors = search.settle();
     let screening_after = screen(&search.model, &all, SEED);
-    search.finish(before, screening_before, screening_after)
+    search.finish(before, &errors, screening_before, screening_after)
 }
 
 /// A search on its way.
@@ -300,10 +304,30 @@ impl Search<'_> {
         self.tables.push(table);
     }
 
-    /// The outcome, everything fitted together once more.
-    fn finish(self, before: SensorModel, screening_before: Screening, screening_after: Screening) -> Outcome {
-        let after = refitted(&self.model, &self.all, Manner::EXACT);
-        let stderr = physical_stderr(&after, &self.all);
+    /// Fits everything together once more, and drops what may then be nothing: an effect that made up for others before they were found.
+    /// The standard errors of what remains.
+    fn settle(&mut self) -> Vec<Vec<f64>> {
+        loop {
+            self.model = refitted(&self.model, &self.all, Manner::EXACT);
+            let errors = physical_stderr(&self.model, &self.all);
+            let terms = self.model.terms.iter().zip(&errors);
+            let unsure = terms.filter(|(term, errors)| self.is_found(term.name()) && may_be_nothing(term, errors));
+            let Some(name) = unsure.map(|(term, _)| term.name()).next() else { return errors };
+            (self.progress)(&format!("drop {name}: beside the others it may be nothing"));
+            self.found.retain(|found| found.term.name() != name);
+            self.model = self.model.without(name);
+        }
+    }
+
+    /// The outcome; `stderr` are the standard errors of the model.
+    fn finish(
+        self,
+        before: SensorModel,
+        stderr: &[Vec<f64>],
+        screening_before: Screening,
+        screening_after: Screening,
+    ) -> Outcome {
+        let after = self.model.clone();
         let with_errors = |found: Found| {
             let i = after.terms.iter().position(|t| t.name() == found.term.name());
             let i = i.unwrap_or_else(|| unreachable!("what was found is in the model"));
@@ -342,6 +366,15 @@ impl Search<'_> {
             after,
         }
     }
+}
+
+/// Whether every number of a term is hardly more than its standard error from where it leaves scans as they are.
+fn may_be_nothing(term: &Term, stderr: &[f64]) -> bool {
+    let physical = term.physical();
+    term.layout().into_iter().all(|(parameter, range)| {
+        let is_near = |i: usize| (physical[i] - parameter.start).abs() < SURE * stderr[i];
+        parameter.kind == Kind::Free && range.into_iter().all(is_near)
+    })
 }
 
 /// The channels of which a table could take the place of an effect.

@@ -24,8 +24,8 @@ const ENOUGH_SPAN: f64 = 0.4;
 const OTHER_CLASS: f64 = 1.5;
 
 /// Cosine of the incidence angle from which on a plane that only votes along one line span is believed, if it stays within a class: of
-/// level planes, and of others, of which many join two edges.
-const STEEP: (f64, f64) = (0.02, 0.1);
+/// level planes below the sensor, and of others, of which many join two edges.
+const STEEP: (f64, f64) = (0.02, 0.15);
 
 /// Squared cosine of a level plane's slope.
 const LEVEL: f64 = 0.9;
@@ -185,6 +185,7 @@ impl<'a> Seen<'a> {
         let elsewhere = self.elsewhere(down, 0) + self.elsewhere(0, right);
         let votes = column + row + a + b + c + d + span.clone() - elsewhere.clone() * OTHER_CLASS;
         let level = (normal[2].clone().square() / (size.clone() * size.clone())).greater_elem(LEVEL).float();
+        let level = level * self.point[2].clone().lower_elem(0.0).float();
         let steep =
             cosine.clone().greater(level * (STEEP.0 - STEEP.1) + STEEP.1).float() * elsewhere.lower_elem(0.5).float();
         let spans = (span.greater_elem(ENOUGH_SPAN).float() + steep).clamp_max(1.0);
