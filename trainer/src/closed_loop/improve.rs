@@ -20,7 +20,7 @@ use super::refit::{physical_stderr, refitted};
 use super::score::{Scope, total};
 use super::screen::{Screening, screen};
 use super::significance::benjamini_hochberg;
-use crate::effects::{ActsOn, Channel, Kind};
+use crate::effects::{ActsOn, Channel, Kind, library};
 
 /// False discoveries among the claims.
 const FALSE_DISCOVERIES: f64 = 0.05;
@@ -55,6 +55,17 @@ const FAR_MORE: f64 = 1.2;
 
 /// Share of an effect's gain that its placebo has to reach where it is fitted to be worth more than a glance.
 const FAR_LESS: f64 = 0.5;
+
+/// Effects of a number a ring, and those that are the same with one number.
+const SIMPLER: [[&str; 2]; 4] = [
+    ["elevation_offset_per_ring", "elevation_offset"],
+    ["azimuth_offset_per_ring", "mount_yaw"],
+    ["range_offset_per_ring", "range_offset"],
+    ["ring_gain", "reflectance_gain"],
+];
+
+/// Share of an effect's gain that a simpler one has to reach at a glance to be worth more than a glance.
+const NEARLY: f64 = 0.5;
 
 /// Standard errors by which a number has to differ from nothing for an effect to be claimed in the end.
 const SURE: f64 = 3.0;
@@ -304,9 +315,35 @@ impl Search<'_> {
         self.tables.push(table);
     }
 
+    /// Puts one number in the place of one a ring where, beside the effects that were found since, it explains as much.
+    fn simplify(&mut self) {
+        for [name, simpler] in SIMPLER {
+            let Some(at) = self.found.iter().position(|found| found.term.name() == name) else { continue };
+            if self.model.has(simpler) {
+                continue;
+            }
+            let without = refitted(&self.model.without(name), &self.all, Manner::TRIAL);
+            let halves = Halves::new(&without, self.batches.clone());
+            let effect = library().into_iter().find(|effect| effect.about().name == simpler);
+            let effect = effect.unwrap_or_else(|| unreachable!("{simpler} is in the library"));
+            let least = NEARLY * self.found[at].gain.value;
+            let trial = Trial::of(&without, &effect, &halves, &evidence(&without, &halves.batches[0]), least);
+            let term = self.model.effects().iter().find(|term| term.name() == name).cloned();
+            let term = term.unwrap_or_else(|| unreachable!("what was found is in the model"));
+            if trial.only_glanced || !trial.is_as_good_as(&Trial::of_found(&[&term], &self.model, &halves)) {
+                continue;
+            }
+            (self.progress)(&format!("{simpler} in place of {name}: beside the others it explains as much"));
+            self.model = without.with(&trial.like).with(std::slice::from_ref(&trial.term));
+            self.found[at] = Found { term: trial.term, gain: trial.gain, ..self.found[at].clone() };
+            self.drop_idle(simpler);
+        }
+    }
+
     /// Fits everything together once more, and drops what may then be nothing: an effect that made up for others before they were found.
     /// The standard errors of what remains.
     fn settle(&mut self) -> Vec<Vec<f64>> {
+        self.simplify();
         loop {
             self.model = refitted(&self.model, &self.all, Manner::EXACT);
             let errors = physical_stderr(&self.model, &self.all);
