@@ -119,11 +119,15 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
         let found = problem.groups_of_means().minimise(&part, &part.of(&x), ON_THE_WAY, None).x;
         means.iter().zip(found).for_each(|(i, found)| x[*i] = found);
     }
+    let exact = Softened { problem: &problem, soften: 0.0 };
     if manner.scan {
         problem.scan(&mut x);
     }
-    let exact = Softened { problem: &problem, soften: 0.0 };
-    let minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);
+    let mut minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);
+    // Now that the noise is known, peaks are sharper.
+    if manner.scan && problem.scan(&mut minimum.x) {
+        minimum = problem.groups().minimise(&exact, &minimum.x, manner.effort, None);
+    }
     Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value, hessian: minimum.hessian }
 }
 

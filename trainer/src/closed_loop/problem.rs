@@ -194,7 +194,9 @@ impl<'a> Problem<'a> {
 
     /// Tries values of any likely size for what moves rays by one number, or by one a ring, and takes those that suit best, every ring its
     /// own: far along the ground the likelihood has one sharp peak among many.
-    pub(super) fn scan(&self, x: &mut [f64]) {
+    /// Whether any was better.
+    pub(super) fn scan(&self, x: &mut [f64]) -> bool {
+        let mut is_better = false;
         let mut from = 0;
         for free in self.free {
             for (n, extent) in free.groups() {
@@ -214,11 +216,13 @@ impl<'a> Problem<'a> {
                     for (i, nats) in at(value).into_iter().enumerate() {
                         if nats > best[i] {
                             (best[i], x[numbers.start + i]) = (nats, value);
+                            is_better = true;
                         }
                     }
                 }
             }
         }
+        is_better
     }
 
     /// Log-likelihood of what each number of a group has a say in.

@@ -24,6 +24,9 @@ const OFF_LIKELY: f64 = 0.05;
 /// The same of a known plane that does not reach beyond its pixel on every side.
 const OFF_BORDER: f64 = 0.03;
 
+/// The same per m by which the planes of two neighbouring pixels of one smooth surface give different ranges: that is how much it bends.
+const OFF_BEND: f64 = 0.5;
+
 /// Relative error with which two pixels' planes give each other's ranges up to which they are one smooth surface.
 const SMOOTH: f64 = 0.02;
 
@@ -47,7 +50,7 @@ impl Image {
         let aim = self.aim(&bend, &ray);
         let here = Look::at(&self.surface, &aim.nearest, &ray, rays);
         let there = Look::at(&self.surface, &aim.beside, &ray, rays);
-        let (here, other) = self.surface.meet(&aim, here, there, rays);
+        let (here, other, bend_m) = self.surface.meet(&aim, here, there, rays);
 
         // How far from the ray of the simulation is the surface seen, and how far has its plane taken it?
         let away_m = here.range_m.clone() * aim.away_rad.clone();
@@ -55,7 +58,7 @@ impl Image {
         let [unknown, no_interior] = [&here.known, &here.interior].map(|x| x.clone() * -1.0 + 1.0);
         let of_unknown = (away_m * OFF_UNKNOWN + taken_m.clone() * OFF_LIKELY) * unknown;
         let of_border = taken_m * here.known.clone() * no_interior * OFF_BORDER;
-        self.doubt_m = Some(of_unknown + of_border);
+        self.doubt_m = Some(of_unknown + of_border + bend_m * OFF_BEND);
         self.report.range_m = here.range_m.clone();
         self.report.reflectance = here.reflectance.clone();
         let keep = self.report.keep.clone();
@@ -157,12 +160,13 @@ impl Look {
 impl Surface {
     /// What rays see that pass between what they would see `here` and `there`, the surfaces of the two pixels of their places: where
     /// both belong to one smooth surface, what lies between; where they meet in a crease, the nearer of two that are hollow and the
-    /// farther of two that bulge.
-    fn meet(&self, aim: &Aim, here: Look, there: Look, rays: &Rays) -> (Self, Other) {
+    /// farther of two that bulge. And by how much, in m, smooth surfaces bend on the way.
+    fn meet(&self, aim: &Aim, here: Look, there: Look, rays: &Rays) -> (Self, Other, Tensor<3>) {
         let between_m =
             (here.inverse.clone() + (there.inverse.clone() - here.inverse.clone()) * aim.part.clone()).recip();
         // However far from its pixel that is: where a wall rises from the ground, the ground goes on behind it.
-        let there_farther = there.inverse.clone().lower(here.inverse).float() * 2.0 - 1.0;
+        let there_farther = there.inverse.clone().lower(here.inverse.clone()).float() * 2.0 - 1.0;
+        let bend_m = (here.inverse.clone().recip() - there.inverse.clone().recip()).abs() * aim.part.clone();
         let there_m = there.inverse.recip();
         let (here, there) = (here.surface, there.surface);
         let point = rays.directions(&Bend::default()).map(|u| u * self.range_m.clone());
@@ -192,11 +196,11 @@ impl Surface {
         };
         let sharp = |there: Tensor<3>, met: &Tensor<3>| there.mask_where(crease.clone(), met.clone());
         let other = Other {
-            range_m: sharp(there.range_m, &met.range_m).mask_where(smooth, met.range_m.clone()),
+            range_m: sharp(there.range_m, &met.range_m).mask_where(smooth.clone(), met.range_m.clone()),
             hit: sharp(there.hit, &met.hit),
             reflectance: sharp(there.reflectance, &met.reflectance),
             weight: aim.part.clone(),
         };
-        (met, other)
+        (met, other, bend_m * smooth.float())
     }
 }

@@ -90,7 +90,7 @@ impl Surface {
         let plane = choose(&unknown, best.plane, likely);
         let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
         let cos_incidence = (inverse / size).mask_fill(unknown, 1.0).clamp(0.01, 1.0);
-        let interior = interior(&plane, &point, &hit);
+        let interior = interior(&plane, &point, &hit) * (known.clone() - hit.clone() + 1.0);
         Self { range_m, hit, reflectance, class, plane, known, cos_incidence, interior }
     }
 
