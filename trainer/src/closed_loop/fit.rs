@@ -19,7 +19,8 @@ const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0, share: 0.0 };
 pub struct Manner<'a> {
     /// By how much the normals of the likelihood are widened, one search after the other, so that a start that is far off finds its way.
     pub widths: &'a [f64],
-    /// Whether what moves rays by one number, or by one a ring, is tried at many values before the last search.
+    /// Whether what moves rays by one number, or by one a ring, is tried at many values: at the end of the way through
+    /// widened normals, and where the last search goes as far as it can, once more after it.
     pub scan: bool,
     /// How far the last search, which is exact, goes.
     pub effort: Effort,
@@ -120,12 +121,12 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
         means.iter().zip(found).for_each(|(i, found)| x[*i] = found);
     }
     let exact = Softened { problem: &problem, soften: 0.0 };
-    if manner.scan {
+    if manner.scan && !manner.widths.is_empty() {
         problem.scan(&mut x);
     }
     let mut minimum = problem.groups().minimise(&exact, &x, manner.effort, manner.known);
     // Now that the noise is known, peaks are sharper.
-    if manner.scan && problem.scan(&mut minimum.x) {
+    if manner.scan && manner.effort.share == 0.0 && problem.scan(&mut minimum.x) {
         minimum = problem.groups().minimise(&exact, &minimum.x, manner.effort, None);
     }
     Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value, hessian: minimum.hessian }
