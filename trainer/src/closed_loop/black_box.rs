@@ -62,13 +62,15 @@ pub struct Tables<'a> {
     screening: &'a Screening,
     evidence: Evidence,
     images: Vec<Image>,
+    least: f64,
 }
 
 impl<'a> Tables<'a> {
-    /// For a model, from what its screening says.
-    pub fn new(model: &'a SensorModel, halves: &'a Halves<'a>, screening: &'a Screening) -> Self {
+    /// For a model, from what its screening says. A table that gains less than `least`, nats a ray, where it is fitted to a sample is
+    /// looked at no further, and cannot be claimed.
+    pub fn new(model: &'a SensorModel, halves: &'a Halves<'a>, screening: &'a Screening, least: f64) -> Self {
         let images = halves.batches[0].iter().map(|batch| model.forward(batch.image.clone())).collect();
-        Self { model, halves, screening, evidence: evidence(model, &halves.batches[0]), images }
+        Self { model, halves, screening, evidence: evidence(model, &halves.batches[0]), images, least }
     }
 
     /// The table that explains most of a channel's residual: of one covariate if that is nearly as good as of two. `None` where nothing
@@ -96,7 +98,7 @@ impl<'a> Tables<'a> {
             if self.model.has(effect.about().name) {
                 return None;
             }
-            let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, 0.0);
+            let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, self.least);
             Some(Table {
                 channel: dependence.channel,
                 covariates: dependence.covariates.clone(),

@@ -17,7 +17,7 @@ const WORTH_A_LOOK: f64 = 0.25;
 
 /// Share of the least gain that can be claimed which a gain on the sample has to reach to be worth more than a glance: what gains far
 /// less where it was fitted will not gain more elsewhere.
-const COULD_PASS: f64 = 0.5;
+pub const COULD_PASS: f64 = 0.5;
 
 /// What a first fit on the sample says of an effect that a model lacks.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use super::data::Batch;
 use super::doubt;
 use super::evidence::evidence;
 use super::fit::Manner;
-use super::glance::gain_of_geometry;
+use super::glance::{COULD_PASS, gain_of_geometry};
 use super::halves::Halves;
 use super::judged::{Judged, choose};
 use super::left::{left, limit};
@@ -53,7 +53,7 @@ const LIKELY: f64 = 0.25;
 /// How many times the gain of the best effect what moves rays must gain together to come first.
 const FAR_MORE: f64 = 1.2;
 
-/// Share of an effect's gain that its placebo has to reach where it is fitted to be worth more than a glance.
+/// Share of an effect's gain that its placebo, or a table in its place, has to reach where it is fitted to be worth more than a glance.
 const FAR_LESS: f64 = 0.5;
 
 /// Effects of a number a ring, and those that are the same with one number.
@@ -91,13 +91,15 @@ pub fn improve(before: &SensorModel, batches: [Vec<&Batch>; 2], progress: Progre
         rounds: vec![],
         progress,
     };
+    let mut last = None;
     for _ in 0..MOST_TABLES {
-        search.add_named();
+        last = search.add_named();
         if !search.replace_mimics() {
             break;
         }
+        last = None;
     }
-    search.add_tables();
+    search.add_tables(last);
     let errors = search.settle();
     let screening_after = screen(&search.model, &all, SEED);
     search.finish(before, &errors, screening_before, screening_after)
@@ -114,9 +116,10 @@ struct Search<'a> {
     progress: Progress<'a>,
 }
 
-impl Search<'_> {
-    /// Adds the best effect of the library that passes, refits, drops what has become idle; until nothing passes.
-    fn add_named(&mut self) {
+impl<'a> Search<'a> {
+    /// Adds the best effect of the library that passes, refits, drops what has become idle; until nothing passes. What the model makes
+    /// of both halves then.
+    fn add_named(&mut self) -> Option<Halves<'a>> {
         for _ in 0..MOST_ROUNDS {
             let halves = Halves::new(&self.model, self.batches.clone());
             let trials = try_all(&self.model, &halves, |term| self.least_gain(term), self.progress);
@@ -132,7 +135,7 @@ impl Search<'_> {
             let decision = choice.as_ref().map_or("nothing passes: stop".into(), |(w, _)| format!("add {}", w.name()));
             (self.progress)(&decision);
             self.rounds.push(Round { candidates: judged.iter().map(Judged::candidate).collect(), decision });
-            let Some((winner, ties)) = choice else { return };
+            let Some((winner, ties)) = choice else { return Some(halves) };
             let newest = winner.name();
             let Judged { trial, q_value, .. } = winner;
             self.model = self.model.with(&trial.like).with(std::slice::from_ref(&trial.term));
@@ -140,6 +143,7 @@ impl Search<'_> {
             self.model = refitted(&self.model, &self.all, Manner::TRIAL);
             self.drop_idle(newest);
         }
+        None
     }
 
     /// Whether what moves rays explains more, taken together, than the best single effect, which is none of them: where several effects
@@ -244,6 +248,7 @@ impl Search<'_> {
     /// Replaces these effects by a table that beats them, if there is one.
     fn replace_if_mimics(&mut self, names: &[&'static str]) -> bool {
         let are_named = |f: &&Found| names.contains(&f.term.name());
+        (self.progress)(&format!("would a table do better than {}?", names.join(" and ")));
         let terms: Vec<&Term> = self.model.effects().iter().filter(|t| names.contains(&t.name())).collect();
         let q_value = self.found.iter().filter(are_named).map(|f| f.q_value).fold(0.0, f64::max);
         let without = names.iter().fold(self.model.clone(), |model, name| model.without(name));
@@ -258,7 +263,7 @@ impl Search<'_> {
             share[usize::from(table.covariates.iter().all(|c| own.contains(&c.name())))]
         };
         let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
-        let tables = Tables::new(&without, &halves, &screening);
+        let tables = Tables::new(&without, &halves, &screening, FAR_LESS * named.gain.value);
         let better = channels(acts_on)
             .filter_map(|channel| tables.best(channel))
             .filter(|t| self.passes(&t.trial, t.q_value, halves.rays))
@@ -281,12 +286,14 @@ impl Search<'_> {
         true
     }
 
-    /// Adds tables for what is left, until nothing passes.
-    fn add_tables(&mut self) {
+    /// Adds tables for what is left, until nothing passes; `known` is what the model makes of both halves, where that is known.
+    fn add_tables(&mut self, known: Option<Halves<'a>>) {
+        let mut known = known;
         for _ in 0..MOST_TABLES {
-            let halves = Halves::new(&self.model, self.batches.clone());
+            (self.progress)("what is left");
+            let halves = known.take().unwrap_or_else(|| Halves::new(&self.model, self.batches.clone()));
             let screening = screen(&self.model, &self.all, SEED);
-            let tables = Tables::new(&self.model, &halves, &screening);
+            let tables = Tables::new(&self.model, &halves, &screening, COULD_PASS * LEAST_GAIN);
             let best = channels(ActsOn::ALL)
                 .filter_map(|channel| tables.best(channel))
                 .filter(|t| self.passes(&t.trial, t.q_value, halves.rays) && !self.is_form_of_found(t))
@@ -345,7 +352,9 @@ impl Search<'_> {
     fn settle(&mut self) -> Vec<Vec<f64>> {
         self.simplify();
         loop {
+            (self.progress)("everything together");
             self.model = refitted(&self.model, &self.all, Manner::EXACT);
+            (self.progress)("standard errors");
             let errors = physical_stderr(&self.model, &self.all);
             let terms = self.model.terms.iter().zip(&errors);
             let unsure = terms.filter(|(term, errors)| self.is_found(term.name()) && may_be_nothing(term, errors));
