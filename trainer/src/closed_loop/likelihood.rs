@@ -74,9 +74,10 @@ pub fn range(image: &Image, observed: &Observed, soften_m: f64) -> Tensor<3> {
     };
     let mut surface = density(report.range_m.clone());
     if let Some(other) = &image.other {
-        let beside = other.range_m.clone() + image.range_error_m();
+        let beside = other.surface.range_m.clone() + image.range_error_m();
         let here = surface * image.surface.hit.clone() * (other.weight.clone() * -1.0 + 1.0);
-        surface = (here + density(beside) * other.hit.clone() * other.weight.clone()) / image.hit().clamp_min(1e-9);
+        surface =
+            (here + density(beside) * other.surface.hit.clone() * other.weight.clone()) / image.hit().clamp_min(1e-9);
     }
     let mixed: Option<[Tensor<3>; 2]> = (image.mixed.iter())
         .map(|mixed| {
@@ -140,7 +141,7 @@ pub fn reflectance(image: &Image, observed: &Observed, soften: f64) -> Tensor<3>
     };
     let mut likelihood = density(&report.reflectance);
     if let (Some(other), Some(beside)) = (&image.other, image.beside()) {
-        let step = other.reflectance.clone() - image.surface.reflectance.clone();
+        let step = other.surface.reflectance.clone() - image.surface.reflectance.clone();
         let there = density(&(report.reflectance.clone() + step));
         likelihood = likelihood.clone() + (there - likelihood) * beside;
     }
@@ -231,7 +232,7 @@ mod tests {
 
     use super::*;
     use crate::effects::image::{Mixed, Other, OtherAngle};
-    use crate::effects::{Extra, Place, Rays, Simulated};
+    use crate::effects::{Extra, Place, Rays, Simulated, Surface};
 
     const RINGS: usize = 4;
     const COLUMNS: usize = 8;
@@ -279,12 +280,13 @@ mod tests {
         image.mixed =
             vec![Mixed { probability: one(0.3), near_m: range_m.clone() * 0.6 + 2.0, far_m: range_m.clone() + 5.0 }];
         image.report.range_m = image.report.range_m + 0.3;
-        image.other = Some(Other {
+        let there = Surface {
             range_m: range_m.clone() * 0.0 + 9.0,
             hit: one(1.0),
             reflectance: one(0.8),
-            weight: one(0.4),
-        });
+            ..image.surface.clone()
+        };
+        image.other = Some(Other { surface: there, weight: one(0.4) });
         image.extra = vec![
             Extra {
                 probability: one(0.1),

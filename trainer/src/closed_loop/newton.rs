@@ -32,6 +32,16 @@ const KEPT: f64 = 0.5;
 pub trait Objective {
     /// Value and gradient at `x`.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
+
+    /// Whether this number is dear: while it stays, the gradient of those that are not is had for far less.
+    fn is_dear(&self, _number: usize) -> bool {
+        false
+    }
+
+    /// The gradient at `x` of the numbers that are not dear; the others' entries mean nothing.
+    fn gradient_of_others(&self, x: &[f64]) -> Vec<f64> {
+        self.evaluate(x).1
+    }
 }
 
 /// How much trouble a search takes.
@@ -111,6 +121,9 @@ impl Groups {
         let n = x.len();
         let n_known = known.map_or(0, DMatrix::nrows);
         let mut hessian = DMatrix::zeros(n, n);
+        // Two numbers' entry is found when either moves, so the dear ones' alone would do; but not if several of them move at once.
+        let is_dear = |group: &Group| objective.is_dear(group.numbers.start);
+        let leave_dear = self.0.iter().all(|group| !is_dear(group) || group.over == Extent::One);
         let differences: Vec<Vec<f64>> = self
             .0
             .iter()
@@ -120,13 +133,24 @@ impl Groups {
                 }
                 let mut moved = x.to_vec();
                 group.numbers.clone().for_each(|i| moved[i] += steps[i]);
-                let (_, there) = objective.evaluate(&moved);
+                let leave = leave_dear && !is_dear(group);
+                let there = if leave { objective.gradient_of_others(&moved) } else { objective.evaluate(&moved).1 };
                 there.iter().zip(gradient).map(|(there, here)| there - here).collect()
             })
             .collect();
         for (a, d) in self.0.iter().zip(&differences).filter(|(_, d)| !d.is_empty()) {
             for b in &self.0 {
                 let (i, j) = (&a.numbers, &b.numbers);
+                if leave_dear && is_dear(b) && !is_dear(a) {
+                    continue;
+                }
+                if leave_dear && is_dear(a) && !is_dear(b) && j.end > n_known {
+                    for j in j.clone() {
+                        let entry = d[j] / steps[i.start];
+                        (hessian[(i.start, j)], hessian[(j, i.start)]) = (entry, entry);
+                    }
+                    continue;
+                }
                 if j.end <= n_known {
                     // What is known does not move; its interaction with several numbers that move at once is not looked at.
                     if a.over == Extent::One {
@@ -335,6 +359,37 @@ mod tests {
             let value = 50.0 * a * a + 30.0 * a * b + 20.0 * b * b + 10.0 * (c.cosh() - 1.0);
             (value, vec![100.0 * a + 30.0 * b, 30.0 * a + 40.0 * b, 10.0 * c.sinh()])
         }
+    }
+
+    /// The same, whose first number is dear.
+    struct DearBowl;
+
+    impl Objective for DearBowl {
+        fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+            Bowl.evaluate(x)
+        }
+
+        fn is_dear(&self, number: usize) -> bool {
+            number == 0
+        }
+
+        fn gradient_of_others(&self, x: &[f64]) -> Vec<f64> {
+            let mut gradient = Bowl.evaluate(x).1;
+            gradient[0] = f64::NAN;
+            gradient
+        }
+    }
+
+    #[test]
+    fn a_curvature_is_the_same_where_a_number_is_dear() {
+        let groups = Groups::new([(1, Extent::One), (1, Extent::One), (1, Extent::One)]);
+        let x = [1.0, -2.0, 0.5];
+        let difference = groups.curvature(&Bowl, &x) - groups.curvature(&DearBowl, &x);
+        assert!(difference.amax() < 1e-6, "{difference}");
+        // Where the dear numbers are several that move at once, nothing can be saved.
+        let rings = Groups::new([(2, Extent::PerRing), (1, Extent::One)]);
+        let difference = rings.curvature(&Bowl, &x) - rings.curvature(&DearBowl, &x);
+        assert!(difference.amax() < 1e-6, "{difference}");
     }
 
     #[test]

@@ -74,7 +74,7 @@ impl Predicted {
         let least = (least.square() + scatter_error.square()).sqrt();
         let least = match (&image.other, image.beside()) {
             (Some(other), Some(beside)) => {
-                let step = other.reflectance.clone() - image.surface.reflectance.clone();
+                let step = other.surface.reflectance.clone() - image.surface.reflectance.clone();
                 let there = (report.reflectance.clone() + step).clamp(0.0, 1.0) - median.clone();
                 least.clone() + (distance_from(&there, &sigma) - least) * beside
             }
@@ -166,7 +166,7 @@ fn certain(image: &Image, range_m: &[f32], sigma_m: &[f32], size: [usize; 3]) ->
     let (hit, here_m) = (numbers(&image.surface.hit, size), numbers(&image.surface.range_m, size));
     let known = numbers(&image.surface.known, size);
     let (weight, there, there_m) =
-        (numbers(&other.weight, size), numbers(&other.hit, size), numbers(&other.range_m, size));
+        (numbers(&other.weight, size), numbers(&other.surface.hit, size), numbers(&other.surface.range_m, size));
     (0..range_m.len())
         .map(|i| {
             let same = (hit[i] - there[i]).abs() < 0.5

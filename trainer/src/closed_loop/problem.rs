@@ -1,6 +1,7 @@
 //! The likelihood of a model as a function of its free numbers.
 
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::{Device, Tensor, s};
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use super::likelihood;
 use super::model::{SensorModel, Term};
 use super::newton::{Groups, Objective};
 use super::score::{Scope, counted, per_block};
-use crate::effects::{ActsOn, Extent, Image, Kind};
+use crate::effects::{ActsOn, Extent, Image, Kind, Settled};
 
 /// Values that are tried for a number, in units of the typical size: from minus four to four.
 const SCANNED: std::ops::RangeInclusive<i32> = -20..=20;
@@ -31,8 +32,10 @@ pub(super) struct Problem<'a> {
 struct Prepared<'a> {
     batch: &'a Batch,
     image: Image,
-    /// 1 where rays count; `None` where all do.
-    settled: Option<Tensor<3>>,
+    /// Rays that count; `None` where all do.
+    settled: Option<Settled>,
+    /// The image with its rays moved, and the numbers that moved them.
+    moved: Mutex<Option<(Vec<f64>, Image)>>,
 }
 
 /// Its negative log-likelihood, under normals that may be widened.
@@ -51,11 +54,12 @@ impl<'a> Problem<'a> {
         let prepare = |batch: &'a Batch| {
             let image = moving.iter().fold(batch.image.clone(), |image, term| term.forward(image));
             if moves {
-                return Prepared { batch, image, settled: None };
+                return Prepared { batch, image, settled: None, moved: Mutex::default() };
             }
             let image = image.resample();
             let settled = if on.scope == Scope::Settled { image.settled() } else { None };
-            Prepared { batch, image: other.iter().fold(image, |image, term| term.forward(image)), settled }
+            let image = other.iter().fold(image, |image, term| term.forward(image));
+            Prepared { batch, image, settled, moved: Mutex::default() }
         };
         Self {
             batches: on.batches.par_iter().copied().map(prepare).collect(),
@@ -119,20 +123,23 @@ impl<'a> Problem<'a> {
         self.free.iter().map(fill).collect()
     }
 
-    /// The image with the free terms at these numbers, `fitted` being a tensor a term.
-    fn image(&self, prepared: &Prepared<'_>, fitted: &[Tensor<1>]) -> Image {
-        let act = |image: Image, (free, fitted): (&Free, &Tensor<1>)| {
-            free.term.effect.forward(&free.term.values(fitted), image)
-        };
-        let with =
-            |geometric: bool| self.free.iter().zip(fitted).filter(move |(f, _)| f.term.is_geometric() == geometric);
-        let image = with(true).fold(prepared.image.clone(), act).resample();
-        let image = self.held_last.iter().fold(image, |image, term| term.forward(image));
-        with(false).fold(image, act)
+    /// The image with its rays moved by the free terms at these numbers, `fitted` being a tensor a term.
+    fn moved(&self, prepared: &Prepared<'_>, fitted: &[Tensor<1>]) -> Image {
+        self.with(true, prepared.image.clone(), fitted).resample()
     }
 
-    /// Log-likelihood of each ray of a batch, 0 for those that do not count.
-    fn nats(&self, prepared: &Prepared<'_>, x: &Tensor<1>, soften: f64) -> Tensor<3> {
+    /// What the sensor reports of an image whose rays have been moved.
+    fn reported(&self, moved: Image, fitted: &[Tensor<1>]) -> Image {
+        self.with(false, self.held_last.iter().fold(moved, |image, term| term.forward(image)), fitted)
+    }
+
+    fn with(&self, geometric: bool, image: Image, fitted: &[Tensor<1>]) -> Image {
+        let terms = self.free.iter().zip(fitted).filter(|(free, _)| free.term.is_geometric() == geometric);
+        terms.fold(image, |image, (free, fitted)| free.term.effect.forward(&free.term.values(fitted), image))
+    }
+
+    /// All numbers of each free term, of which `x` are those that are free.
+    fn fitted(&self, x: &Tensor<1>) -> Vec<Tensor<1>> {
         let mut from = 0;
         let mut fitted = Vec::with_capacity(self.free.len());
         for free in self.free {
@@ -149,19 +156,50 @@ impl<'a> Problem<'a> {
             }
             fitted.push(Tensor::cat(parts, 0));
         }
-        let image = self.image(prepared, &fitted);
+        fitted
+    }
+
+    /// Log-likelihood of each ray of a batch, 0 for those that do not count.
+    fn nats(&self, prepared: &Prepared<'_>, x: &Tensor<1>, soften: f64) -> Tensor<3> {
+        let fitted = self.fitted(x);
+        self.nats_of(prepared, &self.reported(self.moved(prepared, &fitted), &fitted), soften)
+    }
+
+    fn nats_of(&self, prepared: &Prepared<'_>, image: &Image, soften: f64) -> Tensor<3> {
         let observed = &prepared.batch.observed;
+        let settled = prepared.settled.as_ref();
+        let (surface, hit) = (settled.map(|s| &s.surface), settled.map(|s| &s.hit));
         let mut nats = observed.range_m.zeros_like();
         if self.acts_on.range {
-            nats = nats + likelihood::range(&image, observed, soften);
+            nats = nats + counted(likelihood::range(image, observed, soften), surface);
         }
         if self.acts_on.reflectance {
-            nats = nats + likelihood::reflectance(&image, observed, soften);
+            nats = nats + counted(likelihood::reflectance(image, observed, soften), surface);
         }
         if self.acts_on.returns {
-            nats = nats + likelihood::returns(&image, observed);
+            nats = nats + counted(likelihood::returns(image, observed), hit);
         }
-        counted(nats, prepared.settled.as_ref())
+        nats
+    }
+
+    /// Whether each free number moves rays.
+    fn moves(&self) -> impl Iterator<Item = bool> {
+        self.free.iter().flat_map(|free| vec![free.term.is_geometric(); free.kinds().len()])
+    }
+
+    /// The gradient of the numbers that move no rays; rays are moved once for all places at which the others are the same.
+    fn gradient_of_still(&self, prepared: &Prepared<'_>, x: &[f64], soften: f64) -> Vec<f64> {
+        let moving: Vec<f64> = x.iter().zip(self.moves()).filter(|(_, moves)| *moves).map(|(x, _)| *x).collect();
+        let known = || prepared.moved.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = known().take();
+        let moved = match last {
+            Some((at, image)) if at == moving => image,
+            _ => self.moved(prepared, &self.fitted(&self.tensor(x))),
+        };
+        *known() = Some((moving, moved.clone()));
+        let tensor = self.tensor(x).require_grad();
+        let nats = self.nats_of(prepared, &self.reported(moved, &self.fitted(&tensor)), soften);
+        gradient(&tensor, nats)
     }
 
     fn tensor(&self, x: &[f64]) -> Tensor<1> {
@@ -174,11 +212,7 @@ impl<'a> Problem<'a> {
         let tensor = self.tensor(x).require_grad();
         let nats = self.nats(prepared, &tensor, soften);
         let value: f64 = per_block(&nats.clone().detach()).iter().sum();
-        let gradients = nats.sum().backward();
-        let gradient = tensor
-            .grad(&gradients)
-            .map_or_else(|| vec![0.0; x.len()], |g| g.into_data().iter::<f64>().map(|g| -g).collect());
-        (-value, gradient)
+        (-value, gradient(&tensor, nats))
     }
 
     /// Log-likelihood of each ring.
@@ -232,6 +266,13 @@ impl<'a> Problem<'a> {
     }
 }
 
+/// The gradient of the negative sum.
+fn gradient(x: &Tensor<1>, nats: Tensor<3>) -> Vec<f64> {
+    let gradients = nats.sum().backward();
+    let of = |g: Tensor<1>| g.into_data().iter::<f64>().map(|g| -g).collect();
+    x.grad(&gradients).map_or_else(|| vec![0.0; x.dims()[0]], of)
+}
+
 /// A function of some of another's numbers, the others held.
 pub(super) struct Part<'a> {
     pub(super) whole: &'a dyn Objective,
@@ -264,5 +305,19 @@ impl Objective for Softened<'_> {
             sum.1.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
         }
         sum
+    }
+
+    fn is_dear(&self, number: usize) -> bool {
+        self.problem.moves().nth(number).unwrap_or(false)
+    }
+
+    fn gradient_of_others(&self, x: &[f64]) -> Vec<f64> {
+        let of = |batch| self.problem.gradient_of_still(batch, x, self.soften);
+        let parts: Vec<Vec<f64>> = self.problem.batches.par_iter().map(of).collect();
+        let sum = |mut sum: Vec<f64>, part: Vec<f64>| {
+            sum.iter_mut().zip(part).for_each(|(sum, g)| *sum += g);
+            sum
+        };
+        parts.into_iter().fold(vec![0.0; x.len()], sum)
     }
 }

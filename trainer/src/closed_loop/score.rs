@@ -76,10 +76,10 @@ pub fn score(model: &SensorModel, batches: &[&Batch], scope: Scope) -> Vec<Score
     let of = |batch: &&Batch| {
         let image = model.forward(batch.image.clone());
         let settled = if scope == Scope::Settled { image.settled() } else { None };
-        let sums = |nats: Tensor<3>| per_block(&counted(nats, settled.as_ref()));
-        let range = sums(likelihood::range(&image, &batch.observed, 0.0));
-        let reflectance = sums(likelihood::reflectance(&image, &batch.observed, 0.0));
-        let returns = sums(likelihood::returns(&image, &batch.observed));
+        let (surface, hit) = (settled.as_ref().map(|s| &s.surface), settled.as_ref().map(|s| &s.hit));
+        let range = per_block(&counted(likelihood::range(&image, &batch.observed, 0.0), surface));
+        let reflectance = per_block(&counted(likelihood::reflectance(&image, &batch.observed, 0.0), surface));
+        let returns = per_block(&counted(likelihood::returns(&image, &batch.observed), hit));
         (0..range.len())
             .map(|i| Score { scene: batch.scene, range: range[i], reflectance: reflectance[i], returns: returns[i] })
             .collect::<Vec<_>>()

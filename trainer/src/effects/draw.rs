@@ -36,8 +36,8 @@ impl Image {
         }
         if let (Some(other), Some(beside)) = (&self.other, self.beside()) {
             let passed = place.clone().greater(beside * -1.0 + 1.0).float();
-            range_m = range_m + (other.range_m.clone() - self.surface.range_m.clone()) * passed.clone();
-            reflectance = reflectance + (other.reflectance.clone() - self.surface.reflectance.clone()) * passed;
+            range_m = range_m + (other.surface.range_m.clone() - self.surface.range_m.clone()) * passed.clone();
+            reflectance = reflectance + (other.surface.reflectance.clone() - self.surface.reflectance.clone()) * passed;
         }
         if let Some(ceiling) = &self.ceiling {
             let scatter = normal(place.clone()) * ceiling.scatter.clone();

@@ -63,13 +63,9 @@ pub struct Report {
 /// The second surface of a ray that passes between two.
 #[derive(Clone, Debug)]
 pub struct Other {
-    /// Its range along the moved ray, in m.
-    pub range_m: Tensor<3>,
-    /// 1 where there is one.
-    pub hit: Tensor<3>,
-    /// Its reflectance.
-    pub reflectance: Tensor<3>,
-    /// Probability that the ray hits it.
+    /// What the moved ray sees of it.
+    pub surface: Surface,
+    /// Probability that the ray hits it rather than the first.
     pub weight: Tensor<3>,
 }
 
@@ -111,6 +107,15 @@ pub struct Quantum {
     pub step_m: Tensor<3>,
     /// How sharply the multiples are kept: standard deviation in m.
     pub tooth_m: Tensor<3>,
+}
+
+/// Moved rays that leave no doubt what they see: 1, others 0.
+#[derive(Clone, Debug)]
+pub struct Settled {
+    /// On which surface a ray ends: the simulation shows it all around.
+    pub surface: Tensor<3>,
+    /// Whether it ends on any: all rays around do, or none does.
+    pub hit: Tensor<3>,
 }
 
 /// What a simulation says of a batch of scans.
@@ -170,22 +175,26 @@ impl Image {
             None => self.surface.hit.clone(),
             Some(other) => {
                 let here = (other.weight.clone() * -1.0 + 1.0) * self.surface.hit.clone();
-                here + other.weight.clone() * other.hit.clone()
+                here + other.weight.clone() * other.surface.hit.clone()
             }
         }
     }
 
-    /// 1 where a moved ray sees a surface that the simulation shows all around it, or was hardly moved, else 0; `None` if no ray was moved.
+    /// Which rays leave no doubt what they see, although the model moves rays; `None` if no ray was moved.
+    ///
     /// Near an edge, or past something that it may meet, an image cannot know what a moved ray hits: what differs there says nothing of
     /// the rest.
-    pub fn settled(&self) -> Option<Tensor<3>> {
+    pub fn settled(&self) -> Option<Settled> {
         let other = self.other.as_ref()?;
         let still = other.weight.clone().lower_elem(HARDLY_MOVED).float();
-        let settled = self.surface.interior.clone().max_pair(still + self.surface.hit.zeros_like()).detach();
-        Some(match &self.passage {
-            None => settled,
-            Some(passage) => settled * passage.clear(&self.surface, &self.rays),
-        })
+        let settled = |of: &Tensor<3>| {
+            let settled = of.clone().max_pair(still.clone() + of.zeros_like()).detach();
+            match &self.passage {
+                None => settled,
+                Some(passage) => settled * passage.clear(&self.surface, &self.rays),
+            }
+        };
+        Some(Settled { surface: settled(&self.surface.interior), hit: settled(&self.surface.alike) })
     }
 
     /// By how much the mean range differs from the surface's, in m.
@@ -195,7 +204,7 @@ impl Image {
 
     /// Probability that a ray that hits a surface hits the other one.
     pub fn beside(&self) -> Option<Tensor<3>> {
-        self.other.as_ref().map(|other| other.weight.clone() * other.hit.clone() / self.hit().clamp_min(1e-9))
+        self.other.as_ref().map(|other| other.weight.clone() * other.surface.hit.clone() / self.hit().clamp_min(1e-9))
     }
 
     /// Probability that none of the extra returns comes.

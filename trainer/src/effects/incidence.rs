@@ -4,7 +4,8 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use super::image::Image;
-use super::surface::{dot, rough};
+use super::rays::Rays;
+use super::surface::{Surface, dot, rough};
 
 /// Classes of the ground, sealed and not: road, parking, sidewalk, other ground; terrain.
 const SEALED: (f64, f64) = (9.0, 12.0);
@@ -34,37 +35,36 @@ struct Uniform {
 }
 
 /// 1 on ground that is sealed, as far as the classes say; 0 elsewhere.
-fn sealed(image: &Image) -> Tensor<3> {
-    let class = &image.surface.class;
+fn sealed(surface: &Surface) -> Tensor<3> {
+    let class = &surface.class;
     class.clone().greater_elem(SEALED.0 - 0.5).float() * class.clone().lower_elem(SEALED.1 + 0.5).float()
 }
 
 /// 1 on ground, sealed or not, as far as the classes say; 0 elsewhere.
-fn ground(image: &Image) -> Tensor<3> {
-    sealed(image) + (image.surface.class.clone() - TERRAIN).abs().lower_elem(0.5).float()
+fn ground(surface: &Surface) -> Tensor<3> {
+    sealed(surface) + (surface.class.clone() - TERRAIN).abs().lower_elem(0.5).float()
 }
 
 /// Cosine of the angle of incidence and 1 where it is known: from the plane that the image shows, or on ground, taken to be level, from the
 /// ray's elevation.
-fn cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
-    let surface = &image.surface;
-    let taken = ground(image) * (surface.known.clone() * -1.0 + 1.0);
-    let level = image.rays.elevation_rad.clone().sin().abs().clamp_min(0.01) + surface.range_m.zeros_like();
+fn cosine(surface: &Surface, rays: &Rays) -> (Tensor<3>, Tensor<3>) {
+    let taken = ground(surface) * (surface.known.clone() * -1.0 + 1.0);
+    let level = rays.elevation_rad.clone().sin().abs().clamp_min(0.01) + surface.range_m.zeros_like();
     let cosine = surface.cos_incidence.clone().mask_where(taken.clone().greater_elem(0.5), level);
     (cosine, surface.known.clone() + taken)
 }
 
 /// The a of which cosᵃ α is uniform where the image does not show the angle, or shows it wrongly: ln cos α has a mean of −1/a and a variance
 /// of 1/a² then.
-pub(super) fn uniform(image: &Image) -> Tensor<3> {
-    let smooth = (image.surface.known.clone() * -1.0 + 1.0) * (rough(&image.surface.class) * -1.0 + 1.0);
+pub(super) fn uniform(surface: &Surface) -> Tensor<3> {
+    let smooth = (surface.known.clone() * -1.0 + 1.0) * (rough(&surface.class) * -1.0 + 1.0);
     smooth * (UNIFORM.smooth - UNIFORM.any) + UNIFORM.any
 }
 
 /// Mean and variance of ln cos α.
-pub(super) fn log_cosine(image: &Image) -> (Tensor<3>, Tensor<3>) {
-    let (cosine, known) = cosine(image);
-    let spread = (known * -1.0 + 1.0) / uniform(image);
+pub(super) fn log_cosine(surface: &Surface, rays: &Rays) -> (Tensor<3>, Tensor<3>) {
+    let (cosine, known) = cosine(surface, rays);
+    let spread = (known * -1.0 + 1.0) / uniform(surface);
     // Where nothing is known the cosine is 1.
     (cosine.log() - spread.clone(), spread.square())
 }
@@ -76,8 +76,8 @@ pub(super) const fn strays() -> Parameter {
 }
 
 /// Probability that the cosine of a known angle is nothing like the true one; `strays` is [`strays`]' number.
-pub(super) fn astray(image: &Image, strays: Tensor<3>) -> Tensor<3> {
-    let (surface, ground) = (&image.surface, ground(image));
+pub(super) fn astray(surface: &Surface, strays: Tensor<3>) -> Tensor<3> {
+    let ground = ground(surface);
     let of_plane = ground.clone() * ASTRAY.ground + (ground.clone() * -1.0 + 1.0) * strays;
     let border = (surface.interior.clone() * -1.0 + 1.0) * surface.known.clone();
     let taken = ground * (surface.known.clone() * -1.0 + 1.0);
@@ -90,6 +90,6 @@ pub(super) fn on_wet_ground(image: &Image) -> (Tensor<3>, Tensor<3>) {
     let surface = &image.surface;
     let up = surface.plane[2].clone().square() / dot(&surface.plane, &surface.plane).clamp_min(1e-12);
     let level = ((up - LEVEL.1) / (LEVEL.0 - LEVEL.1)).clamp(0.0, 1.0) * surface.known.clone();
-    let (cosine, _) = cosine(image);
-    (cosine, sealed(image) + level * surface.class.clone().lower_elem(0.5).float())
+    let (cosine, _) = cosine(surface, &image.rays);
+    (cosine, sealed(surface) + level * surface.class.clone().lower_elem(0.5).float())
 }

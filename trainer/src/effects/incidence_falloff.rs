@@ -27,10 +27,10 @@ impl Effect for IncidenceFalloff {
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let (log_cosine, variance) = log_cosine(&image);
+        let (log_cosine, variance) = log_cosine(&image.surface, &image.rays);
         let unknown = variance.greater_elem(0.0).float();
         let exponent = values.one(0).clamp(-0.6, 8.0);
-        let a = uniform(&image);
+        let a = uniform(&image.surface);
         let of_any = a.clone() / (a.clone() + exponent.clone());
         let of_any_square = a.clone() / (a + exponent.clone() * 2.0);
         let spread = (of_any_square - of_any.clone().square()).clamp_min(1e-10).sqrt();
@@ -40,7 +40,7 @@ impl Effect for IncidenceFalloff {
         image.report.reflectance = image.report.reflectance * mean.clone();
         image.report.reflectance_sigma = (image.report.reflectance_sigma.square() + doubt.square()).sqrt();
         image.other_angle = Some(OtherAngle {
-            share: astray(&image, values.one(1)),
+            share: astray(&image.surface, values.one(1)),
             factor: of_any / mean.clone(),
             spread: spread / mean,
         });

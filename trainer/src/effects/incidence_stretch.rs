@@ -37,7 +37,7 @@ impl Effect for IncidenceStretch {
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let (log_cosine, variance) = log_cosine(&image);
+        let (log_cosine, variance) = log_cosine(&image.surface, &image.rays);
         let unknown = variance.greater_elem(0.0);
         let cosine = log_cosine.exp();
         let tan = (cosine.clone().square() * -1.0 + 1.0).clamp_min(1e-6).sqrt() / cosine;

@@ -68,7 +68,7 @@ pub use covariate::Covariate;
 pub use draw::{Drawn, NOISE_CHANNELS};
 pub use evidence::Evidence;
 pub use extra::{Extra, Place};
-pub use image::{Image, Simulated};
+pub use image::{Image, Settled, Simulated};
 pub use noise_floor::NoiseFloor;
 pub use parameter::{Extent, Kind, Parameter, Values};
 pub use rays::{Bend, Rays};

@@ -12,7 +12,7 @@ use super::aim::{Aim, Pixels};
 use super::image::{Image, Other};
 use super::passage::Passage;
 use super::rays::{Bend, Rays};
-use super::surface::{Surface, choose, dot};
+use super::surface::{Surface, dot};
 
 /// How far a surface of which no plane is known may be off, per m of the moved ray's displacement. This and the two that follow are half
 /// widths at half maximum, chosen on hidden sets: wide tails, for most surfaces are what they seem and a few are nothing like it.
@@ -152,6 +152,7 @@ impl Look {
             known,
             cos_incidence,
             interior: pixels.of(&surface.interior),
+            alike: pixels.of(&surface.alike),
         };
         Self { surface, inverse: cut_m.clamp_min(1e-3).recip() }
     }
@@ -166,7 +167,7 @@ impl Surface {
             (here.inverse.clone() + (there.inverse.clone() - here.inverse.clone()) * aim.part.clone()).recip();
         // However far from its pixel that is: where a wall rises from the ground, the ground goes on behind it.
         let there_farther = there.inverse.clone().lower(here.inverse.clone()).float() * 2.0 - 1.0;
-        let bend_m = (here.inverse.clone().recip() - there.inverse.clone().recip()).abs() * aim.part.clone();
+        let apart_m = (here.inverse.clone().recip() - there.inverse.clone().recip()).abs() * aim.part.clone();
         let there_m = there.inverse.recip();
         let (here, there) = (here.surface, there.surface);
         let point = rays.directions(&Bend::default()).map(|u| u * self.range_m.clone());
@@ -182,25 +183,15 @@ impl Surface {
         let swap = (there_farther * bulging.clone()).greater_elem(0.0).bool_and(crease.clone());
         let absurd = astray(&there_m, &aim.beside.of(&self.range_m)).bool_and(bulging.greater_elem(0.0));
         let swap = swap.bool_and(absurd.bool_not());
+        let bend_m = apart_m * smooth.clone().float();
 
-        let which = |here: &Tensor<3>, there: &Tensor<3>| here.clone().mask_where(swap.clone(), there.clone());
-        let met = Self {
-            range_m: which(&here.range_m, &there_m).mask_where(smooth.clone(), between_m),
-            hit: which(&here.hit, &there.hit),
-            reflectance: which(&here.reflectance, &there.reflectance),
-            class: which(&here.class, &there.class),
-            plane: choose(&swap, here.plane, there.plane),
-            known: here.known,
-            cos_incidence: which(&here.cos_incidence, &there.cos_incidence),
-            interior: here.interior,
-        };
-        let sharp = |there: Tensor<3>, met: &Tensor<3>| there.mask_where(crease.clone(), met.clone());
-        let other = Other {
-            range_m: sharp(there.range_m, &met.range_m).mask_where(smooth.clone(), met.range_m.clone()),
-            hit: sharp(there.hit, &met.hit),
-            reflectance: sharp(there.reflectance, &met.reflectance),
-            weight: aim.part.clone(),
-        };
-        (met, other, bend_m * smooth.float())
+        let beyond = Self { range_m: there_m, ..there.clone() };
+        let which = here.clone().or(&swap, beyond);
+        let range_m = which.range_m.mask_where(smooth.clone(), between_m);
+        let met = Self { range_m, known: here.known, interior: here.interior, alike: here.alike, ..which };
+        let there = there.or(&crease, met.clone());
+        let range_m = there.range_m.mask_where(smooth, met.range_m.clone());
+        let other = Other { surface: Self { range_m, ..there }, weight: aim.part.clone() };
+        (met, other, bend_m)
     }
 }

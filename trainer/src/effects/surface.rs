@@ -63,6 +63,8 @@ pub struct Surface {
     pub cos_incidence: Tensor<3>,
     /// 1 where the pixels all around lie on the same plane, or where neither they nor this one hit anything; else 0.
     pub interior: Tensor<3>,
+    /// 1 where the pixels all around hit something and so does this one, or where none does; else 0.
+    pub alike: Tensor<3>,
 }
 
 /// A plane that a pixel might lie on.
@@ -90,8 +92,27 @@ impl Surface {
         let plane = choose(&unknown, best.plane, likely);
         let size = dot(&plane, &plane).clamp_min(1e-12).sqrt();
         let cos_incidence = (inverse / size).mask_fill(unknown, 1.0).clamp(0.01, 1.0);
-        let interior = interior(&plane, &point, &hit) * (known.clone() - hit.clone() + 1.0);
-        Self { range_m, hit, reflectance, class, plane, known, cos_incidence, interior }
+        let alike = all_around(|place| alike(&hit, place));
+        let interior = all_around(|place| on_plane(&plane, &point, &hit, place)) * alike.clone();
+        let interior = interior * (known.clone() - hit.clone() + 1.0);
+        Self { range_m, hit, reflectance, class, plane, known, cos_incidence, interior, alike }
+    }
+
+    /// The second where a mask holds, else the first.
+    #[must_use]
+    pub(super) fn or(self, mask: &Tensor<3, Bool>, second: Self) -> Self {
+        let which = |first: Tensor<3>, second: Tensor<3>| first.mask_where(mask.clone(), second);
+        Self {
+            range_m: which(self.range_m, second.range_m),
+            hit: which(self.hit, second.hit),
+            reflectance: which(self.reflectance, second.reflectance),
+            class: which(self.class, second.class),
+            plane: choose(mask, self.plane, second.plane),
+            known: which(self.known, second.known),
+            cos_incidence: which(self.cos_incidence, second.cos_incidence),
+            interior: which(self.interior, second.interior),
+            alike: which(self.alike, second.alike),
+        }
     }
 
     /// Height of the hit above the sensor, in m.
@@ -127,20 +148,25 @@ fn parallel(
     nearest.1
 }
 
-/// 1 where the eight pixels around are on the plane, or nothing is hit by any of the nine.
-fn interior(plane: &[Tensor<3>; 3], point: &[Tensor<3>; 3], hit: &Tensor<3>) -> Tensor<3> {
+/// The product over the eight pixels around, each by its place: down, right.
+fn all_around(of: impl Fn([i64; 2]) -> Tensor<3>) -> Tensor<3> {
+    let around = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
+    around.into_iter().map(of).reduce(|a, b| a * b).unwrap_or_else(|| unreachable!("eight neighbours"))
+}
+
+/// 1 where the pixel beside hits something and so does this one, or neither; and beyond the first and the last ring.
+fn alike(hit: &Tensor<3>, [down, right]: [i64; 2]) -> Tensor<3> {
     const OUTSIDE: f64 = -1.0;
-    let around = [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)];
-    let on_plane = |(down, right)| {
-        let there = at(hit, down, right, OUTSIDE);
-        let outside = there.clone().lower_elem(0.0).float();
-        let alike = (there - hit.clone()).abs().lower_elem(0.5).float();
-        let error = (dot(plane, &beside(point, down, right)) - 1.0).abs();
-        let near = error.lower_elem(ON_PLANE).float().max_pair(hit.clone() * -1.0 + 1.0);
-        (alike * near).max_pair(outside)
-    };
-    let all = around.map(on_plane).into_iter().reduce(|a, b| a * b);
-    all.unwrap_or_else(|| unreachable!("eight neighbours"))
+    let there = at(hit, down, right, OUTSIDE);
+    let outside = there.clone().lower_elem(0.0).float();
+    (there - hit.clone()).abs().lower_elem(0.5).float().max_pair(outside)
+}
+
+/// 1 where the pixel beside is on the plane, or nothing is hit; and beyond the first and the last ring.
+fn on_plane(plane: &[Tensor<3>; 3], point: &[Tensor<3>; 3], hit: &Tensor<3>, [down, right]: [i64; 2]) -> Tensor<3> {
+    let error = (dot(plane, &beside(point, down, right)) - 1.0).abs();
+    let outside = at(hit, down, right, -1.0).lower_elem(0.0).float();
+    error.lower_elem(ON_PLANE).float().max_pair(hit.clone() * -1.0 + 1.0).max_pair(outside)
 }
 
 /// What a pixel's neighbours are judged by.

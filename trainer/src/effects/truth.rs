@@ -77,7 +77,7 @@ fn errors(moved: &Moved) -> Vec<Error> {
         let shifted = [0, 1, 2].map(|i| pose.position_m[i] + moved.pose.position_m[i]);
         let truth = cast(&street, &bent, &Pose { position_m: shifted, ..moved.pose }, &moved.motion);
         let resampled = term.forward(image(&simulated, &nominal)).resample();
-        let settled = numbers(&resampled.settled().expect("moved rays"));
+        let settled = numbers(&resampled.settled().expect("moved rays").surface);
         let seen = numbers(&resampled.report.range_m);
         for (pixel, after) in seen.into_iter().enumerate() {
             let before = f64::from(simulated.image.range_m()[pixel]);

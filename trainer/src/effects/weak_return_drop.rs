@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use super::draw::cumulative;
 use super::incidence::{astray, log_cosine, strays, uniform};
-use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Values};
+use super::{About, ActsOn, Channel, Effect, Evidence, Image, Parameter, Rays, Surface, Values};
 
 /// keep · Φ((ln P − ln P₀)/s), with P = ρ·cos α·e^{−2βr}/r² the power of a Lambertian target that fills the beam.
 #[derive(Clone, Copy, Debug)]
@@ -36,17 +36,13 @@ impl Effect for WeakReturnDrop {
     }
 
     fn forward(&self, values: &Values, mut image: Image) -> Image {
-        let surface = &image.surface;
-        let range_m = surface.range_m.clone().clamp_min(0.1);
-        let (log_cosine, variance) = log_cosine(&image);
-        let power = (surface.reflectance.clone().clamp_min(DARKEST) / range_m.clone().square()).log();
-        let above = power - range_m * values.one(2) * 2.0 - values.one(0).log();
-        // Averaged over a normal ln cos α, the normal distribution function is one again, only wider.
-        let softness = |variance: Tensor<3>| (variance + values.one(1).square()).sqrt();
-        let any = uniform(&image).recip();
-        let at_any = (above.clone() - any.clone()) / softness(any.square());
-        let as_seen = cumulative(&((above + log_cosine) / softness(variance)));
-        let detected = as_seen.clone() + (cumulative(&at_any) - as_seen) * astray(&image, values.one(3));
+        let here = detected(values, &image.surface, &image.rays);
+        let detected = match (&image.other, image.beside()) {
+            (Some(other), Some(beside)) => {
+                here.clone() + (detected(values, &other.surface, &image.rays) - here) * beside
+            }
+            _ => here,
+        };
         image.report.keep = image.report.keep * detected;
         image
     }
@@ -69,6 +65,20 @@ impl Effect for WeakReturnDrop {
         };
         evidence.likeliest(candidates, detected).into_iter().collect()
     }
+}
+
+/// Probability that a return of a surface is strong enough.
+fn detected(values: &Values, surface: &Surface, rays: &Rays) -> Tensor<3> {
+    let range_m = surface.range_m.clone().clamp_min(0.1);
+    let (log_cosine, variance) = log_cosine(surface, rays);
+    let power = (surface.reflectance.clone().clamp_min(DARKEST) / range_m.clone().square()).log();
+    let above = power - range_m * values.one(2) * 2.0 - values.one(0).log();
+    // Averaged over a normal ln cos α, the normal distribution function is one again, only wider.
+    let softness = |variance: Tensor<3>| (variance + values.one(1).square()).sqrt();
+    let any = uniform(surface).recip();
+    let at_any = (above.clone() - any.clone()) / softness(any.square());
+    let as_seen = cumulative(&((above + log_cosine) / softness(variance)));
+    as_seen.clone() + (cumulative(&at_any) - as_seen) * astray(surface, values.one(3))
 }
 
 #[cfg(test)]
