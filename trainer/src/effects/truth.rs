@@ -64,19 +64,33 @@ fn still(effect: &'static str, values: &'static [f64]) -> Moved {
     Moved { effect, values, up_deg: 0.0, pose, motion: Motion::default() }
 }
 
-/// Errors of all rays with a return in both casts.
-fn errors(moved: &Moved) -> Vec<Error> {
+/// What was cast along the described rays, along the true ones, and what resampling makes of the first.
+struct Seen {
+    simulated: Cast,
+    truth: Cast,
+    resampled: Image,
+}
+
+fn seen(moved: &Moved) -> impl Iterator<Item = Seen> {
     let effect = library().into_iter().find(|e| e.about().name == moved.effect).expect("an effect");
     let term = Term::new(effect, RINGS).at(moved.values);
-    let (nominal, bent) = (sensor(0.0), sensor(moved.up_deg));
-    let mut errors = Vec::new();
-    for seed in 0..STREETS {
+    let (nominal, bent, moved) = (sensor(0.0), sensor(moved.up_deg), *moved);
+    (0..STREETS).map(move |seed| {
         let street = street(seed, &StreetConfig::default());
         let pose = Pose::above_ground(&street, 0.0, 0.0, 0.0).expect("ground");
         let simulated = cast(&street, &nominal, &pose, &Motion::default());
         let shifted = [0, 1, 2].map(|i| pose.position_m[i] + moved.pose.position_m[i]);
         let truth = cast(&street, &bent, &Pose { position_m: shifted, ..moved.pose }, &moved.motion);
         let resampled = term.forward(image(&simulated, &nominal)).resample();
+        Seen { simulated, truth, resampled }
+    })
+}
+
+/// Errors of all rays with a return in both casts.
+fn errors(moved: &Moved) -> Vec<Error> {
+    let bent = sensor(moved.up_deg);
+    let mut errors = Vec::new();
+    for Seen { simulated, truth, resampled } in seen(moved) {
         let settled = numbers(&resampled.settled().expect("moved rays").surface);
         let seen = numbers(&resampled.report.range_m);
         for (pixel, after) in seen.into_iter().enumerate() {
@@ -174,6 +188,25 @@ fn what_a_moved_sensor_sees_of_surfaces_is_undone() {
         assert!(wrong < 0.003, "{}: {wrong} of the settled rays hit something else", moved.effect);
         assert!(undone > least, "{}: {undone}", moved.effect);
         assert!(after[after.len() / 2] < 1e-3 && on.len() * 10 > errors.len() * 7, "{}", moved.effect);
+    }
+}
+
+#[test]
+fn it_is_settled_whether_most_moved_rays_hit_anything() {
+    for (effect, values, up_deg) in [("elevation_offset", &[0.2], 0.2), ("elevation_offset", &[-0.5], -0.5)] {
+        let (mut rays, mut settled, mut wrong) = (0, 0, 0);
+        for Seen { truth, resampled, .. } in seen(&Moved { up_deg, ..still(effect, values) }) {
+            let is_settled = numbers(&resampled.settled().expect("moved rays").hit);
+            for (pixel, hit) in numbers(&resampled.hit()).into_iter().enumerate() {
+                rays += 1;
+                if is_settled[pixel] > 0.5 {
+                    settled += 1;
+                    wrong += usize::from((hit > 0.5) != (truth.image.range_m()[pixel] > 0.0));
+                }
+            }
+        }
+        println!("{up_deg}°: of {rays} rays {settled} settled, {wrong} of these wrong");
+        assert!(settled * 100 > rays * 95 && wrong * 2000 < settled);
     }
 }
 
