@@ -1,9 +1,22 @@
 //! The networks, and what every one of them gives.
 
+pub mod blur;
+pub mod border;
+mod layers;
+pub mod norm;
+pub mod patch_gan;
+pub mod patch_nce;
+pub mod ray_drop;
+pub mod resnet;
 mod unet;
 
 use burn::tensor::Tensor;
 
+pub use border::Border;
+pub use norm::NormKind;
+pub use patch_gan::{PatchGan, PatchGanConfig};
+pub use patch_nce::{PatchHeads, Places};
+pub use resnet::{Generated, Resnet, ResnetConfig};
 pub use unet::{COLUMN_MULTIPLE, UNet, UNetConfig};
 
 /// What the sensor measures, each `[batch, 1, ring, column]`, in physical units.

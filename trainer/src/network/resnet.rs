@@ -1,0 +1,263 @@
+//! The generator of CUT, conditioned as CLS2R has it: G(d, c) = `G_dec`(`G_enc`(d) + E(c)).
+//!
+//! Park et al., "Contrastive learning for unpaired image-to-image translation" (2020); Haghighi et al., "Contrastive learning-based
+//! framework for sim-to-real mapping of lidar point clouds in autonomous driving systems" (2023).
+
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+
+use super::blur::{double, halve};
+use super::border::Border;
+use super::layers::conv;
+use super::norm::{Norm, NormKind};
+
+/// Channels of what the generator is given and gives: range code and reflectance, −1 to 1; it gives a logit of the ray drop besides.
+pub const IMAGE_CHANNELS: usize = 2;
+
+/// Halvings of the image: rings and columns have to be multiples of 2 to the power of it.
+const HALVINGS: usize = 2;
+
+/// Size of a [`Resnet`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ResnetConfig {
+    /// Channels of the first layer; the papers' ngf.
+    pub width: usize,
+    /// Residual blocks.
+    pub blocks: usize,
+    /// What keeps features in bounds.
+    pub norm: NormKind,
+    /// How the image goes on beyond its edges.
+    pub border: Border,
+    /// Whether there is an encoder of the semantic labels.
+    pub condition: bool,
+}
+
+impl Default for ResnetConfig {
+    fn default() -> Self {
+        Self { width: 64, blocks: 9, norm: NormKind::Instance, border: Border::Turn, condition: true }
+    }
+}
+
+/// The network.
+#[derive(Module, Debug)]
+pub struct Resnet {
+    image: Encoder,
+    condition: Option<Encoder>,
+    blocks: Vec<Block>,
+    up: Vec<Stage>,
+    head: Conv2d,
+    #[module(skip)]
+    border: Border,
+}
+
+/// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
+#[derive(Module, Debug)]
+struct Encoder {
+    stem: Stage,
+    down: Vec<Stage>,
+    blocks: Vec<Block>,
+}
+
+/// Convolution, norm, `ReLU`.
+#[derive(Module, Debug)]
+struct Stage {
+    conv: Conv2d,
+    norm: Norm,
+}
+
+/// x + norm(conv(relu(norm(conv(x))))).
+#[derive(Module, Debug)]
+struct Block {
+    first: Stage,
+    second: Stage,
+}
+
+/// What a generator makes of a scan, each `[batch, 1, ring, column]`.
+#[derive(Clone, Debug)]
+pub struct Generated {
+    /// Range code and reflectance, −1 to 1, `[batch, 2, ring, column]`.
+    pub image: Tensor<4>,
+    /// Logit of the probability that the ray is reported.
+    pub keep_logit: Tensor<4>,
+}
+
+impl ResnetConfig {
+    /// A network with random weights.
+    pub fn init(&self, device: &Device) -> Resnet {
+        let (width, norm) = (self.width, self.norm);
+        let joined = self.joined();
+        let deep = width << HALVINGS;
+        let stage = |from, to| Stage { conv: conv(from, to, 3, 0, device), norm: norm.init(to, device) };
+        Resnet {
+            image: self.encoder(IMAGE_CHANNELS, device),
+            condition: self.condition.then(|| self.encoder(1, device)),
+            blocks: (joined..self.blocks).map(|_| Block::new(deep, norm, device)).collect(),
+            up: (0..HALVINGS).rev().map(|i| stage(width << (i + 1), width << i)).collect(),
+            head: conv(width, IMAGE_CHANNELS + 1, 7, 0, device),
+            border: self.border,
+        }
+    }
+
+    fn encoder(&self, channels: usize, device: &Device) -> Encoder {
+        let (width, norm) = (self.width, self.norm);
+        let stage = |from, to, size| Stage { conv: conv(from, to, size, 0, device), norm: norm.init(to, device) };
+        Encoder {
+            stem: stage(channels, width, 7),
+            down: (0..HALVINGS).map(|i| stage(width << i, width << (i + 1), 3)).collect(),
+            blocks: (0..self.joined()).map(|_| Block::new(width << HALVINGS, norm, device)).collect(),
+        }
+    }
+
+    /// The number of blocks after which image and condition are added: four of nine.
+    fn joined(&self) -> usize {
+        self.blocks / 2
+    }
+
+    /// What rings and columns have to be multiples of.
+    pub fn multiple(&self) -> usize {
+        1 << HALVINGS
+    }
+
+    /// Channels of each layer of [`Resnet::features`].
+    pub fn feature_channels(&self) -> Vec<usize> {
+        let deep = self.width << HALVINGS;
+        vec![IMAGE_CHANNELS, self.width << 1, deep, deep, deep]
+    }
+}
+
+impl Resnet {
+    /// What a sensor would have measured of `image`, range code and reflectance from −1 to 1, `[batch, 2, ring, column]`, given the
+    /// `condition`, its semantic labels from −1 to 1, `[batch, 1, ring, column]`.
+    pub fn forward(&self, image: Tensor<4>, condition: &Tensor<4>) -> Generated {
+        let mut x = self.latent(image, condition, &mut vec![]);
+        for block in self.blocks.iter().skip(1) {
+            x = block.forward(x, self.border);
+        }
+        for stage in &self.up {
+            x = stage.forward(double(x, self.border), self.border);
+        }
+        let x = self.head.forward(self.border.pad(x, 3));
+        let [batch, _, rings, columns] = x.dims();
+        let image = x.clone().slice([0..batch, 0..IMAGE_CHANNELS, 0..rings, 0..columns]).tanh();
+        let keep_logit = x.slice([0..batch, IMAGE_CHANNELS..IMAGE_CHANNELS + 1, 0..rings, 0..columns]);
+        Generated { image, keep_logit }
+    }
+
+    /// The features that patches are compared by: the image itself, the two convolutions on the way down, the first block, and the first
+    /// one that knows the condition: CUT's layers 0, 4, 8, 12 and 16.
+    pub fn features(&self, image: Tensor<4>, condition: &Tensor<4>) -> Vec<Tensor<4>> {
+        let mut features = vec![self.border.pad(image.clone(), 3)];
+        let last = self.latent(image, condition, &mut features);
+        features.push(last);
+        features
+    }
+
+    /// The latent features after the first block that knows the condition; on the way, those of the image alone are appended to `seen`.
+    fn latent(&self, image: Tensor<4>, condition: &Tensor<4>, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
+        let x = self.image.forward(image, self.border, seen);
+        let x = match &self.condition {
+            None => x,
+            Some(encoder) => x + encoder.forward(condition.clone(), self.border, &mut vec![]),
+        };
+        match self.blocks.first() {
+            None => x,
+            Some(block) => block.forward(x, self.border),
+        }
+    }
+}
+
+impl Encoder {
+    fn forward(&self, x: Tensor<4>, border: Border, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
+        let mut x = relu(self.stem.norm.forward(self.stem.conv.forward(border.pad(x, 3))));
+        for stage in &self.down {
+            let convolved = stage.conv.forward(border.pad(x, 1));
+            seen.push(convolved.clone());
+            x = halve(relu(stage.norm.forward(convolved)), border);
+        }
+        for (i, block) in self.blocks.iter().enumerate() {
+            x = block.forward(x, border);
+            if i == 0 {
+                seen.push(x.clone());
+            }
+        }
+        x
+    }
+}
+
+impl Stage {
+    fn forward(&self, x: Tensor<4>, border: Border) -> Tensor<4> {
+        relu(self.norm.forward(self.conv.forward(border.pad(x, 1))))
+    }
+}
+
+impl Block {
+    fn new(channels: usize, norm: NormKind, device: &Device) -> Self {
+        let stage = || Stage { conv: conv(channels, channels, 3, 0, device), norm: norm.init(channels, device) };
+        Self { first: stage(), second: stage() }
+    }
+
+    fn forward(&self, x: Tensor<4>, border: Border) -> Tensor<4> {
+        let y = self.first.forward(x.clone(), border);
+        x + self.second.norm.forward(self.second.conv.forward(border.pad(y, 1)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::{Distribution, s};
+
+    fn small(border: Border) -> ResnetConfig {
+        ResnetConfig { width: 4, blocks: 4, border, ..ResnetConfig::default() }
+    }
+
+    fn scan(device: &Device) -> (Tensor<4>, Tensor<4>) {
+        device.seed(5);
+        let uniform = |channels| Tensor::<4>::random([2, channels, 16, 64], Distribution::Uniform(-1.0, 1.0), device);
+        (uniform(2), uniform(1))
+    }
+
+    #[test]
+    fn the_papers_network_has_the_papers_weights() {
+        let device = Device::flex();
+        let without = ResnetConfig { condition: false, ..ResnetConfig::default() }.init(&device).num_params();
+        let with = ResnetConfig::default().init(&device).num_params();
+        // 11.375 million of CUT's resnet_9blocks, 5.09 million of the condition's encoder.
+        assert_eq!((without, with - without), (11_375_043, 5_092_864));
+    }
+
+    #[test]
+    fn turning_the_sensor_turns_the_answer() {
+        let device = Device::flex();
+        let network = small(Border::Turn).init(&device);
+        let (image, condition) = scan(&device);
+        let turn =
+            |x: Tensor<4>| Tensor::cat(vec![x.clone().slice(s![.., .., .., 8..64]), x.slice(s![.., .., .., 0..8])], 3);
+        let logit = |image, condition| network.forward(image, &condition).keep_logit;
+        let difference =
+            turn(logit(image.clone(), condition.clone())) - logit(turn(image.clone()), turn(condition.clone()));
+        assert!(difference.abs().max().into_scalar::<f32>() < 1e-5);
+    }
+
+    #[test]
+    fn features_are_those_of_the_papers_layers_and_the_last_knows_the_condition() {
+        let device = Device::flex();
+        for border in [Border::Turn, Border::Mirror] {
+            let config = small(border);
+            let network = config.init(&device);
+            let (image, condition) = scan(&device);
+            let features = network.features(image.clone(), &condition);
+            let sizes: Vec<[usize; 4]> = features.iter().map(Tensor::dims).collect();
+            let expected = [[2, 2, 22, 70], [2, 8, 16, 64], [2, 16, 8, 32], [2, 16, 4, 16], [2, 16, 4, 16]];
+            assert_eq!(sizes, expected);
+            assert_eq!(config.feature_channels(), expected.map(|size| size[1]));
+            let others = network.features(image, &(condition * -1.0));
+            let differ = |i: usize| (features[i].clone() - others[i].clone()).abs().max().into_scalar::<f32>() > 1e-6;
+            assert!((0..4).all(|i| !differ(i)) && differ(4));
+        }
+    }
+}
