@@ -2,6 +2,7 @@
 //! place, and stop when nothing passes.
 
 use std::cell::OnceCell;
+use std::ops::Range;
 
 use super::black_box::{Table, Tables};
 use super::candidate::{Trial, try_all};
@@ -63,9 +64,6 @@ const SIMPLER: [[&str; 2]; 4] = [
     ["range_offset_per_ring", "range_offset"],
     ["ring_gain", "reflectance_gain"],
 ];
-
-/// Share of an effect's gain that a simpler one has to reach at a glance to be worth more than a glance.
-const NEARLY: f64 = 0.5;
 
 /// Standard errors by which a number has to differ from nothing for an effect to be claimed in the end.
 const SURE: f64 = 3.0;
@@ -329,20 +327,30 @@ impl<'a> Search<'a> {
             if self.model.has(simpler) {
                 continue;
             }
-            let without = refitted(&self.model.without(name), &self.all, Manner::TRIAL);
-            let halves = Halves::new(&without, self.batches.clone());
-            let effect = library().into_iter().find(|effect| effect.about().name == simpler);
-            let effect = effect.unwrap_or_else(|| unreachable!("{simpler} is in the library"));
-            let least = NEARLY * self.found[at].gain.value;
-            let trial = Trial::of(&without, &effect, &halves, &evidence(&without, &halves.batches[0]), least);
             let term = self.model.effects().iter().find(|term| term.name() == name).cloned();
             let term = term.unwrap_or_else(|| unreachable!("what was found is in the model"));
-            if trial.only_glanced || !trial.is_as_good_as(&Trial::of_found(&[&term], &self.model, &halves)) {
+            let effect = library().into_iter().find(|effect| effect.about().name == simpler);
+            let effect = effect.unwrap_or_else(|| unreachable!("{simpler} is in the library"));
+            let physical = term.physical();
+            let mean = |range: Range<usize>| physical[range.clone()].iter().sum::<f64>() / range.len() as f64;
+            let means: Vec<f64> = term.layout().into_iter().map(|(_, range)| mean(range)).collect();
+            let start = Term::new(effect, physical.len() / means.len()).at(&means);
+
+            let without = self.model.without(name);
+            let instead = refitted(&without.with(std::slice::from_ref(&start)), &self.all, Manner::TRIAL);
+            let halves = Halves::new(&refitted(&without, &self.all, Manner::TRIAL), self.batches.clone());
+            let fitted = instead.effects().iter().find(|term| term.name() == simpler).cloned();
+            let fitted = fitted.unwrap_or_else(|| unreachable!("it was added"));
+            let trial = Trial::of_found(&[&fitted], &instead, &halves);
+            let named = Trial::of_found(&[&term], &self.model, &halves);
+            // A ring's own number beside one for all is as doubtful as anything else beside it.
+            let lost = named.gain.value - trial.gain.value;
+            if !trial.is_as_good_as(&named) && lost > self.doubt(fitted.effect.about().acts_on, "") {
                 continue;
             }
             (self.progress)(&format!("{simpler} in place of {name}: beside the others it explains as much"));
-            self.model = without.with(&trial.like).with(std::slice::from_ref(&trial.term));
-            self.found[at] = Found { term: trial.term, gain: trial.gain, ..self.found[at].clone() };
+            self.model = instead;
+            self.found[at] = Found { term: fitted, gain: trial.gain, ..self.found[at].clone() };
             self.drop_idle(simpler);
         }
     }
