@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::bins::Column;
-use super::residual::Residuals;
+use super::residual::{LARGEST_M, Residuals};
 use super::{CHANNELS, Dependence, Screening, covariates};
 use crate::closed_loop::data::Batch;
 use crate::closed_loop::model::SensorModel;
@@ -111,11 +111,11 @@ pub fn effect_curve(
     Some(EffectCurve { effect: effect.into(), channel, covariate, pieces })
 }
 
-/// By how much an effect changes what a model says of a ray.
+/// By how much an effect changes what a model says of a ray, ranges as far as residuals count.
 fn change(channel: Channel, without: &Predicted, with: &Predicted, i: usize) -> f64 {
     let by = |of: &dyn Fn(&Predicted) -> f32| f64::from(of(with) - of(without));
     match channel {
-        Channel::Range | Channel::Geometry => by(&|p| p.range_m[i]),
+        Channel::Range | Channel::Geometry => by(&|p| p.range_m[i]).clamp(-LARGEST_M, LARGEST_M),
         Channel::RangeVariance => by(&|p| 2.0 * p.sigma_m[i].max(1e-6).ln()),
         Channel::Reflectance => by(&|p| p.reflectance[i]),
         Channel::Missing => by(&|p| p.reported[i]),

@@ -15,7 +15,7 @@ pub const CHANNELS: [Channel; 5] =
 const LARGEST: f64 = 4.0;
 
 /// Range residuals count up to this in pictures, in m: a stray return is no bias.
-const LARGEST_M: f64 = 1.0;
+pub(super) const LARGEST_M: f64 = 1.0;
 
 /// Squares are held above this, for the logarithm of a residual that happens to be 0 says nothing.
 const LEAST_SQUARE: f64 = 1e-3;
