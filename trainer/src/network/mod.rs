@@ -6,6 +6,7 @@ mod layers;
 pub mod norm;
 pub mod patch_gan;
 pub mod patch_nce;
+pub mod range_code;
 pub mod ray_drop;
 pub mod resnet;
 mod unet;
@@ -16,6 +17,7 @@ pub use border::Border;
 pub use norm::NormKind;
 pub use patch_gan::{PatchGan, PatchGanConfig};
 pub use patch_nce::{PatchHeads, Places};
+pub use range_code::{RangeCode, RangeCoder};
 pub use resnet::{Generated, Resnet, ResnetConfig};
 pub use unet::{COLUMN_MULTIPLE, UNet, UNetConfig};
 
