@@ -50,6 +50,11 @@ impl Term {
         self
     }
 
+    /// How many rings the sensor has.
+    pub fn rings(&self) -> usize {
+        self.rings
+    }
+
     /// Name of the effect.
     pub fn name(&self) -> &'static str {
         self.effect.about().name

@@ -11,7 +11,7 @@ impl Effect for Drift {
     fn about(&self) -> About {
         About {
             name: "drift",
-            does: "changes while it runs: ranges grow by {range_m_per_frame} m a frame, and reflectance by a share of {gain_per_frame}",
+            does: "changes while it runs: ranges by {range_m_per_frame} m a frame, and reflectance by a share of {gain_per_frame}",
             channel: Channel::Range,
             acts_on: ActsOn { range: true, reflectance: true, returns: false },
             covariates: &["frame"],

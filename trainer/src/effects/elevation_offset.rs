@@ -10,7 +10,7 @@ impl Effect for ElevationOffset {
     fn about(&self) -> About {
         About {
             name: "elevation_offset",
-            does: "points its rays {offset_deg} higher than the model says",
+            does: "points its rays {offset_deg} {higher|lower} than the model says",
             channel: Channel::Geometry,
             acts_on: ActsOn::ALL,
             covariates: &["elevation"],

@@ -18,7 +18,7 @@ impl Effect for IncidenceStretch {
     fn about(&self) -> About {
         About {
             name: "incidence_stretch",
-            does: "measures slanted surfaces {bias_per_tan_m} too far for each tangent of the incidence angle, at 10 m",
+            does: "measures slanted surfaces {bias_per_tan_m} too {far|near} for each tangent of the incidence angle, at 10 m",
             channel: Channel::Range,
             acts_on: ActsOn::RANGE,
             covariates: &["incidence"],

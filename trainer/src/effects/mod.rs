@@ -168,7 +168,8 @@ pub fn library() -> Vec<Arc<dyn Effect>> {
 pub struct About {
     /// Identifier, as in reports.
     pub name: &'static str,
-    /// What the sensor does, for a sentence that begins "The sensor …".
+    /// What the sensor does, for a sentence that begins "The sensor …": `{offset_m}` is a parameter's place, and `{higher|lower}` after it
+    /// the word for its sign.
     pub does: &'static str,
     /// The channel that it belongs to.
     pub channel: Channel,

@@ -10,7 +10,7 @@ impl Effect for MountHeight {
     fn about(&self) -> About {
         About {
             name: "mount_height",
-            does: "is mounted {offset_m} higher than the model says",
+            does: "is mounted {offset_m} {higher|lower} than the model says",
             channel: Channel::Geometry,
             acts_on: ActsOn::ALL,
             covariates: &["elevation"],

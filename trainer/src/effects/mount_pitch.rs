@@ -10,7 +10,7 @@ impl Effect for MountPitch {
     fn about(&self) -> About {
         About {
             name: "mount_pitch",
-            does: "looks {pitch_deg} farther down ahead than the model mounts it",
+            does: "looks {pitch_deg} farther {down|up} ahead than the model mounts it",
             channel: Channel::Geometry,
             acts_on: ActsOn::ALL,
             covariates: &["azimuth", "elevation"],

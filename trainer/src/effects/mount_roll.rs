@@ -10,7 +10,7 @@ impl Effect for MountRoll {
     fn about(&self) -> About {
         About {
             name: "mount_roll",
-            does: "leans {roll_deg} farther to the right than the model mounts it",
+            does: "leans {roll_deg} farther to the {right|left} than the model mounts it",
             channel: Channel::Geometry,
             acts_on: ActsOn::ALL,
             covariates: &["azimuth", "elevation"],

@@ -10,7 +10,7 @@ impl Effect for MountYaw {
     fn about(&self) -> About {
         About {
             name: "mount_yaw",
-            does: "looks {yaw_deg} farther to the left than the model mounts it",
+            does: "looks {yaw_deg} farther to the {left|right} than the model mounts it",
             channel: Channel::Geometry,
             acts_on: ActsOn::ALL,
             covariates: &["azimuth"],

@@ -17,7 +17,7 @@ impl Effect for RangeOffset {
     fn about(&self) -> About {
         About {
             name: "range_offset",
-            does: "reports ranges that are {offset_m} too long",
+            does: "reports ranges that are {offset_m} too {long|short}",
             channel: Channel::Range,
             acts_on: ActsOn::RANGE,
             covariates: &[],

@@ -10,7 +10,7 @@ impl Effect for RangeScale {
     fn about(&self) -> About {
         About {
             name: "range_scale",
-            does: "reports ranges that are too long by {scale} of themselves",
+            does: "reports ranges that are by {scale} of themselves too {long|short}",
             channel: Channel::Range,
             acts_on: ActsOn::RANGE,
             covariates: &["range"],

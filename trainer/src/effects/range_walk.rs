@@ -20,7 +20,7 @@ impl Effect for RangeWalk {
     fn about(&self) -> About {
         About {
             name: "range_walk",
-            does: "reports dark surfaces as farther away, by {amplitude_m} for each e-fold of reflectance",
+            does: "reports dark surfaces as {amplitude_m} {farther away|nearer} for each e-fold of reflectance that they lack",
             channel: Channel::Range,
             acts_on: ActsOn::RANGE,
             covariates: &["reflectance"],

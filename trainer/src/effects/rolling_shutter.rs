@@ -10,7 +10,7 @@ impl Effect for RollingShutter {
     fn about(&self) -> About {
         About {
             name: "rolling_shutter",
-            does: "moves {velocity_x_m_s} ahead and {velocity_y_m_s} to the left and turns {yaw_rate_deg_s} to the left while it sweeps",
+            does: "moves {velocity_x_m_s} {ahead|back} and {velocity_y_m_s} to the {left|right} and turns {yaw_rate_deg_s} to the {left|right} while it sweeps",
             channel: Channel::Geometry,
             acts_on: ActsOn::ALL,
             covariates: &["sweep_phase"],

@@ -6,6 +6,7 @@ pub(super) mod numbers;
 mod picture;
 pub(super) mod plot;
 mod section;
+mod sentence;
 pub(super) mod words;
 
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! The answer in plain words.
 
-use super::numbers::{digits, length, percent, with_error};
+use super::numbers::{digits, length, percent};
+use super::sentence::filled;
 use super::{Report, Unseen};
-use crate::closed_loop::model::Term;
 use crate::closed_loop::outcome::{Found, Unexplained};
 use crate::effects::Channel;
 
@@ -46,33 +46,6 @@ pub(super) fn unexplained(what: &Unexplained) -> String {
         what.covariates.join(" and ").replace('_', " "),
         percent(what.share_of_residual)
     )
-}
-
-/// Fills the placeholders of a sentence with what was found, each with its unit, and per-ring numbers by their extremes.
-fn filled(does: &str, term: &Term, stderr: &[f64]) -> String {
-    let physical = term.physical();
-    let mut text = does.to_owned();
-    for (parameter, range) in term.layout() {
-        let place = format!("{{{}}}", parameter.name);
-        let Some(at) = text.find(&place) else { continue };
-        let after = &text[at + place.len()..];
-        let unit = match () {
-            () if parameter.name.ends_with("_deg") && !after.starts_with('°') => "°",
-            () if parameter.name.ends_with("_per_m") => "",
-            () if parameter.name.ends_with("_m") && !after.starts_with(" m") => " m",
-            () => "",
-        };
-        let values = &physical[range.clone()];
-        let shown = if let [value] = values {
-            with_error(*value, stderr.get(range.start).copied().unwrap_or(f64::NAN), unit)
-        } else {
-            let (least, most) =
-                values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
-            format!("between {}{unit} and {}{unit}", digits(least, 2), digits(most, 2))
-        };
-        text.replace_range(at..at + place.len(), &shown);
-    }
-    text
 }
 
 /// What adding it all was worth, in the metrics that the additions are about.
