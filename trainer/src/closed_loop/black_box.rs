@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::candidate::Trial;
 use super::evidence::evidence;
 use super::halves::Halves;
-use super::model::SensorModel;
+use super::model::{SensorModel, Term};
 use super::outcome::Unexplained;
 use super::screen::{Dependence, Screening};
 use crate::effects::smooth_table::{SmoothTable, Target};
@@ -55,20 +55,24 @@ impl Table {
 }
 
 /// The tables that a model could have.
-#[derive(Debug)]
 pub struct Tables<'a> {
     model: &'a SensorModel,
     halves: &'a Halves<'a>,
     screening: &'a Screening,
     evidence: Evidence,
     images: Vec<Image>,
-    least: f64,
+    least: &'a dyn Fn(&Term) -> f64,
 }
 
 impl<'a> Tables<'a> {
     /// For a model, from what its screening says. A table that gains less than `least`, nats a ray, where it is fitted to a sample is
     /// looked at no further, and cannot be claimed.
-    pub fn new(model: &'a SensorModel, halves: &'a Halves<'a>, screening: &'a Screening, least: f64) -> Self {
+    pub fn new(
+        model: &'a SensorModel,
+        halves: &'a Halves<'a>,
+        screening: &'a Screening,
+        least: &'a dyn Fn(&Term) -> f64,
+    ) -> Self {
         let images = halves.batches[0].iter().map(|batch| model.forward(batch.image.clone())).collect();
         Self { model, halves, screening, evidence: evidence(model, &halves.batches[0]), images, least }
     }
@@ -98,7 +102,8 @@ impl<'a> Tables<'a> {
             if self.model.has(effect.about().name) {
                 return None;
             }
-            let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, self.least);
+            let least = (self.least)(&Term::new(Arc::clone(&effect), self.evidence.rings));
+            let trial = Trial::of(self.model, &effect, self.halves, &self.evidence, least);
             Some(Table {
                 channel: dependence.channel,
                 covariates: dependence.covariates.clone(),

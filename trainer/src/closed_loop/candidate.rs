@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::data::Batch;
 use super::evidence::evidence;
 use super::fit::{Fitted, Free, Manner, On, fit};
-use super::glance::{Glance, akin};
+use super::glance::{COULD_PASS, Glance, akin};
 use super::halves::{Halves, rays};
 use super::improve::Progress;
 use super::model::{SensorModel, Term};
@@ -43,7 +43,7 @@ impl Trial {
         evidence: &Evidence,
         least: f64,
     ) -> Self {
-        let glance = Glance::at(model, effect, halves, evidence);
+        let glance = Glance::at(model, effect, halves, evidence, least);
         if glance.is_hopeless || glance.gain < least {
             Self::not_tried(&glance, halves)
         } else {
@@ -180,10 +180,11 @@ pub fn try_all(
     let lacks = library().into_iter().filter(|effect| !model.has(effect.about().name));
     let glance = |effect: Arc<dyn Effect>| {
         progress(effect.about().name);
-        Glance::at(model, &effect, halves, &evidence)
+        let least = COULD_PASS * least(&Term::new(Arc::clone(&effect), evidence.rings));
+        Glance::at(model, &effect, halves, &evidence, least)
     };
     let glances: Vec<Glance> = lacks.map(glance).collect();
-    let worth_a_look = Glance::worth_a_look(&glances, least);
+    let worth_a_look = Glance::worth_a_look(&glances, &least);
     let look = |(glance, worth): (Glance, bool)| {
         if worth { Trial::after(model, &glance, halves) } else { Trial::not_tried(&glance, halves) }
     };

@@ -12,7 +12,7 @@ use super::score::Scope;
 use crate::effects::{ActsOn, Extent, Kind};
 
 /// To find the way through widened normals.
-const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0, share: 0.0 };
+const ON_THE_WAY: Effort = Effort { steps: 3, tolerance: 1.0, share: 0.0, target: f64::INFINITY };
 
 /// How a fit is done.
 #[derive(Clone, Copy, Debug)]
@@ -33,12 +33,16 @@ impl Manner<'_> {
     pub const GLANCE: Self = Self { effort: Effort { share: 0.01, ..Self::TRIAL.effort }, ..Self::TRIAL };
 
     /// To find out what an effect is worth.
-    pub const TRIAL: Self =
-        Self { widths: &[], scan: false, effort: Effort { steps: 30, tolerance: 0.3, share: 0.0 }, known: None };
+    pub const TRIAL: Self = Self {
+        widths: &[],
+        scan: false,
+        effort: Effort { steps: 30, tolerance: 0.3, share: 0.0, target: f64::INFINITY },
+        known: None,
+    };
 
     /// To know the values.
     pub const EXACT: Self =
-        Self { scan: true, effort: Effort { steps: 60, tolerance: 0.02, share: 0.0 }, ..Self::TRIAL };
+        Self { scan: true, effort: Effort { steps: 60, tolerance: 0.02, ..Self::TRIAL.effort }, ..Self::TRIAL };
 }
 
 /// A term, and which of its numbers are free.
@@ -48,6 +52,8 @@ pub struct Free {
     pub term: Term,
     /// The parameters that are free, by number.
     pub parameters: Vec<usize>,
+    /// Whether it is near its place already, so that a scan need not look for it.
+    pub is_near: bool,
 }
 
 /// What a fit looks at.
@@ -77,7 +83,12 @@ impl Free {
     pub fn all(term: Term) -> Self {
         let moves = |i: &usize| term.parameters[*i].kind != Kind::Found;
         let parameters = (0..term.parameters.len()).filter(moves).collect();
-        Self { term, parameters }
+        Self { term, parameters, is_near: false }
+    }
+
+    /// The same of a term that is near its place already.
+    pub fn near(term: Term) -> Self {
+        Self { is_near: true, ..Self::all(term) }
     }
 
     /// The numbers of the noise floor that belong to these likelihoods.
@@ -88,7 +99,7 @@ impl Free {
             _ => acts_on.returns,
         };
         let parameters = (0..term.parameters.len()).filter(belongs).collect();
-        Self { term, parameters }
+        Self { term, parameters, is_near: true }
     }
 
     /// Lengths of its parameters, and what each is over.
@@ -130,12 +141,6 @@ pub fn fit(model: &SensorModel, free: &[Free], on: &On<'_>, manner: Manner<'_>) 
         minimum = problem.groups().minimise(&exact, &minimum.x, manner.effort, None);
     }
     Fitted { terms: problem.terms(&minimum.x), log_likelihood: -minimum.value, hessian: minimum.hessian }
-}
-
-/// Hessian of the negative log-likelihood over the numbers of the free terms, where they are.
-pub fn hessian(model: &SensorModel, free: &[Free], on: &On<'_>) -> DMatrix<f64> {
-    let problem = Problem::new(model, free, on);
-    problem.groups().curvature(&Softened { problem: &problem, soften: 0.0 }, &problem.start())
 }
 
 /// Standard errors of every number of the free terms, which have been fitted, in a fit's units; 0 for numbers that are held.

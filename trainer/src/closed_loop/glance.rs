@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::fit::{Fitted, Free, Manner, On, fit};
 use super::halves::{Halves, rays};
 use super::model::{SensorModel, Term};
+use super::newton::Effort;
 use super::score::Scope;
 use crate::effects::{ActsOn, Effect, Evidence, Extent, library};
 
@@ -31,8 +32,14 @@ pub struct Glance {
 }
 
 impl Glance {
-    /// Fits an effect that the model lacks to the sample.
-    pub fn at(model: &SensorModel, effect: &Arc<dyn Effect>, halves: &Halves<'_>, evidence: &Evidence) -> Self {
+    /// Fits an effect that the model lacks to the sample, as far as it can be hoped to gain `least` nats a ray there.
+    pub fn at(
+        model: &SensorModel,
+        effect: &Arc<dyn Effect>,
+        halves: &Halves<'_>,
+        evidence: &Evidence,
+        least: f64,
+    ) -> Self {
         let acts_on = effect.about().acts_on;
         let term = Term::new(Arc::clone(effect), evidence.rings);
         let guesses = effect.starts(evidence);
@@ -45,9 +52,14 @@ impl Glance {
             .map(|numbers| before.hessian.select_rows(&numbers).select_columns(&numbers));
         let on = On { batches: &halves.sample, channels: acts_on, scope: Scope::of(&term) };
         let akin = akin(model, &term);
+        let nothing = before.sample.of(acts_on);
+        let share_of_half = rays(&halves.sample) / rays(&halves.batches[0]);
+        let hopeless = LEAST_NATS_ON_A_HALF + 0.25 * term.fitted.len() as f64;
+        let target = -nothing - (hopeless * share_of_half).max(least * rays(&halves.sample));
+        let effort = Effort { target, ..Manner::GLANCE.effort };
         let attempt = |start: &Term, widths: &[f64]| {
             let scan = !widths.is_empty();
-            let manner = Manner { widths, scan, known: known.as_ref(), ..Manner::GLANCE };
+            let manner = Manner { widths, scan, effort, known: known.as_ref(), ..Manner::GLANCE };
             let mut free = vec![noise.clone(), Free::all(start.clone())];
             free.extend(akin.iter().cloned());
             fit(model, &free, &on, manner)
@@ -55,7 +67,6 @@ impl Glance {
         // A guess is near enough: wide normals would lead away from a needle.
         let widths = if guesses.is_empty() { widths(evidence, acts_on) } else { vec![] };
         let mut tries: Vec<Fitted> = starts.iter().map(|start| attempt(start, &widths)).collect();
-        let nothing = before.sample.of(acts_on);
         if !widths.is_empty() && tries.iter().all(|t| t.log_likelihood < nothing) {
             // The way through widened normals led astray.
             tries.extend(starts.iter().map(|start| attempt(start, &[])));
@@ -66,8 +77,7 @@ impl Glance {
             .unwrap_or_else(|| unreachable!("at least one start"));
         let gain = (fitted.log_likelihood - nothing) / rays(&halves.sample);
         let of_half = gain * rays(&halves.batches[0]);
-        let least = LEAST_NATS_ON_A_HALF + 0.25 * term.fitted.len() as f64;
-        Self { fitted, gain, is_hopeless: of_half.is_nan() || of_half < least }
+        Self { fitted, gain, is_hopeless: of_half.is_nan() || of_half < hopeless }
     }
 
     /// Of several, those that are worth a look at all scenes; `least` is the gain a ray below which a term is not claimed.
@@ -104,7 +114,7 @@ pub fn akin(model: &SensorModel, of: &Term) -> Vec<Free> {
     let channel = of.effect.about().channel;
     let is_table = |term: &Term| term.parameters.iter().any(|p| matches!(p.extent, Extent::Knots(_)));
     let is_akin = |term: &&Term| term.effect.about().channel == channel && !is_table(term);
-    model.effects().iter().filter(is_akin).cloned().map(Free::all).collect()
+    model.effects().iter().filter(is_akin).cloned().map(Free::near).collect()
 }
 
 /// By how much a fit should begin with widened normals: not at all where the residual is what the noise floor says, else by what it

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::data::Batch;
-use super::fit::{Free, Manner, On, fit, hessian};
+use super::fit::{Fitted, Free, Manner, On, fit};
 use super::model::{SensorModel, Term};
 use super::score::{Scope, Score, score};
 use crate::effects::ActsOn;
@@ -42,16 +42,21 @@ pub struct Baseline {
 impl Baseline {
     fn new(model: &SensorModel, batches: &[Vec<&Batch>; 2], sample: &[&Batch], scope: Scope) -> Self {
         let noise = [Free::all(model.terms[0].clone())];
-        let on = |batches| On { batches, channels: ActsOn::ALL, scope };
-        let with_noise_of = |batches| model.with(&fit(model, &noise, &on(batches), Manner::TRIAL).terms);
-        let [first, second] = batches.each_ref().map(|half| with_noise_of(half));
-        let of_sample = with_noise_of(sample);
-        let noise = of_sample.terms[0].clone();
+        let fitted = |batches: &[&Batch], known: Option<&DMatrix<f64>>| {
+            fit(model, &noise, &On { batches, channels: ActsOn::ALL, scope }, Manner { known, ..Manner::TRIAL })
+        };
+        let Fitted { terms, hessian, .. } = fitted(sample, None);
+        // More of the same: the noise differs little, and the curvature grows with the rays.
+        let [first, second] = batches.each_ref().map(|half| {
+            let known = &hessian * (rays(half) / rays(sample));
+            model.with(&fitted(half, Some(&known)).terms)
+        });
+        let of_sample = score(&model.with(&terms), sample, scope).into_iter().fold(Score::default(), Score::and);
         Self {
-            hessian: hessian(&of_sample, &[Free::all(noise.clone())], &on(sample)),
-            sample: score(&of_sample, sample, scope).into_iter().fold(Score::default(), Score::and),
+            noise: terms[0].clone(),
+            hessian,
+            sample: of_sample,
             scores: [score(&second, &batches[0], scope), score(&first, &batches[1], scope)],
-            noise,
         }
     }
 }

@@ -261,7 +261,8 @@ impl<'a> Search<'a> {
             share[usize::from(table.covariates.iter().all(|c| own.contains(&c.name())))]
         };
         let acts_on = terms.iter().map(|t| t.effect.about().acts_on).fold(ActsOn::default(), ActsOn::or);
-        let tables = Tables::new(&without, &halves, &screening, FAR_LESS * named.gain.value);
+        let least = |_: &Term| FAR_LESS * named.gain.value;
+        let tables = Tables::new(&without, &halves, &screening, &least);
         let better = channels(acts_on)
             .filter_map(|channel| tables.best(channel))
             .filter(|t| self.passes(&t.trial, t.q_value, halves.rays))
@@ -291,7 +292,8 @@ impl<'a> Search<'a> {
             (self.progress)("what is left");
             let halves = known.take().unwrap_or_else(|| Halves::new(&self.model, self.batches.clone()));
             let screening = screen(&self.model, &self.all, SEED);
-            let tables = Tables::new(&self.model, &halves, &screening, COULD_PASS * LEAST_GAIN);
+            let least = |table: &Term| COULD_PASS * self.least_gain(table);
+            let tables = Tables::new(&self.model, &halves, &screening, &least);
             let best = channels(ActsOn::ALL)
                 .filter_map(|channel| tables.best(channel))
                 .filter(|t| self.passes(&t.trial, t.q_value, halves.rays) && !self.is_form_of_found(t))

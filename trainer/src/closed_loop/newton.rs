@@ -25,6 +25,9 @@ const LONGEST: f64 = 10.0;
 /// How often a step is shortened.
 const ATTEMPTS: usize = 5;
 
+/// How many times what a step promises a search may still gain.
+const HOPE: f64 = 4.0;
+
 /// Share of what a step promised that it has to keep for the second derivatives to be worth updating rather than working out anew.
 const KEPT: f64 = 0.5;
 
@@ -53,6 +56,8 @@ pub struct Effort {
     pub tolerance: f64,
     /// The same as a share of what the search has gained so far.
     pub share: f64,
+    /// The value that is to be reached: a search that cannot hope to is given up.
+    pub target: f64,
 }
 
 /// Where a search ended.
@@ -100,11 +105,7 @@ impl Groups {
         known: Option<&DMatrix<f64>>,
     ) -> DMatrix<f64> {
         let hessian = self.differences(objective, x, gradient, steps, known);
-        let fitting = |i: usize| {
-            let curvature: f64 = hessian[(i, i)];
-            if curvature > 0.0 { (STEP_ERRORS / curvature.sqrt()).clamp(STEPS.1, STEPS.0) } else { STEPS.0 }
-        };
-        let fitting: Vec<f64> = (0..x.len()).map(fitting).collect();
+        let fitting: Vec<f64> = hessian.diagonal().iter().map(|curvature| fitting(*curvature)).collect();
         let too_long = steps.iter().zip(&fitting).any(|(step, fitting)| *step > FAR_TOO_LONG * fitting);
         steps.copy_from_slice(&fitting);
         if too_long { self.differences(objective, x, gradient, steps, known) } else { hessian }
@@ -215,6 +216,12 @@ impl Groups {
         let (mut value, mut gradient) = objective.evaluate(&x);
         let mut reach = LONGEST;
         let mut lengths = vec![STEPS.0; x.len()];
+        if let Some(known) = known {
+            lengths
+                .iter_mut()
+                .zip(known.diagonal().iter())
+                .for_each(|(length, curvature)| *length = fitting(*curvature));
+        }
         let first = self.hessian(objective, &x, &gradient, &mut lengths, known);
         let mut hessian = positive(&first);
         let mut trust = Trust::Fresh;
@@ -222,7 +229,8 @@ impl Groups {
         for _ in 0..effort.steps {
             let newton = Newton::new(&hessian, &gradient);
             let enough = effort.tolerance.max(effort.share * (start - value));
-            if newton.step(LONGEST).1 < enough {
+            let promised = newton.step(LONGEST).1;
+            if promised < enough || value - HOPE * promised > effort.target {
                 break;
             }
             if trust == Trust::Lost {
@@ -260,6 +268,11 @@ impl Groups {
         }
         Minimum { x, value, hessian }
     }
+}
+
+/// Step of the differences that fits a curvature.
+fn fitting(curvature: f64) -> f64 {
+    if curvature > 0.0 { (STEP_ERRORS / curvature.sqrt()).clamp(STEPS.1, STEPS.0) } else { STEPS.0 }
 }
 
 /// How far a Hessian can be trusted.
@@ -392,10 +405,26 @@ mod tests {
         assert!(difference.amax() < 1e-6, "{difference}");
     }
 
+    fn to_the_end(target: f64) -> Effort {
+        Effort { steps: 30, tolerance: 1e-9, share: 0.0, target }
+    }
+
+    #[test]
+    fn a_search_is_given_up_where_its_target_is_out_of_reach_and_only_there() {
+        let groups = Groups::new([(1, Extent::One), (1, Extent::One), (1, Extent::One)]);
+        let start = [1.1, -2.1, 0.6];
+        let (value, _) = Bowl.evaluate(&start);
+        let hopeless = groups.minimise(&Bowl, &start, to_the_end(-10.0 * value), None);
+        assert_eq!((hopeless.x.as_slice(), hopeless.value), (start.as_slice(), value));
+        // The bottom is at 0: within four times what a step promises, which is twice what it brings.
+        let hopeful = groups.minimise(&Bowl, &start, to_the_end(0.0), None);
+        assert!(hopeful.value < 1e-6, "{}", hopeful.value);
+    }
+
     #[test]
     fn a_search_finds_the_bottom_and_its_curvature() {
         let groups = Groups::new([(1, Extent::One), (1, Extent::One), (1, Extent::One)]);
-        let found = groups.minimise(&Bowl, &[5.0, 5.0, 3.0], Effort { steps: 30, tolerance: 1e-9, share: 0.0 }, None);
+        let found = groups.minimise(&Bowl, &[5.0, 5.0, 3.0], to_the_end(f64::INFINITY), None);
         for (found, expected) in found.x.iter().zip([1.0, -2.0, 0.5]) {
             assert!((found - expected).abs() < 1e-4, "{found}");
         }

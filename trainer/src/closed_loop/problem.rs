@@ -20,6 +20,9 @@ const SCANNED: std::ops::RangeInclusive<i32> = -20..=20;
 /// The step between them.
 const SCAN_STEP: f64 = 0.2;
 
+/// Rays that are enough to find a single number's peak.
+const SCANNED_RAYS: usize = 65_536;
+
 /// What is fitted to what; everything that does not change is worked out once.
 pub(super) struct Problem<'a> {
     held_last: Vec<&'a Term>,
@@ -215,14 +218,14 @@ impl<'a> Problem<'a> {
         (-value, gradient(&tensor, nats))
     }
 
-    /// Log-likelihood of each ring.
-    fn by_ring(&self, x: &[f64]) -> Vec<f64> {
+    /// Log-likelihood of each ring, of every so many batches.
+    fn by_ring(&self, x: &[f64], every: usize) -> Vec<f64> {
         let x = self.tensor(x);
         let of = |prepared: &Prepared<'_>| {
             let nats = self.nats(prepared, &x, 0.0).sum_dim(2).sum_dim(0);
             nats.into_data().iter::<f64>().collect::<Vec<_>>()
         };
-        let sums: Vec<Vec<f64>> = self.batches.par_iter().map(of).collect();
+        let sums: Vec<Vec<f64>> = self.batches.par_iter().step_by(every).map(of).collect();
         sums.into_iter().reduce(|a, b| a.iter().zip(b).map(|(a, b)| a + b).collect()).unwrap_or_default()
     }
 
@@ -236,7 +239,10 @@ impl<'a> Problem<'a> {
             for (n, extent) in free.groups() {
                 let numbers = from..from + n;
                 from = numbers.end;
-                if !free.term.is_geometric() || !(extent == Extent::PerRing || free.term.fitted.len() == 1) {
+                if free.is_near
+                    || !free.term.is_geometric()
+                    || !(extent == Extent::PerRing || free.term.fitted.len() == 1)
+                {
                     continue;
                 }
                 let held = x.to_vec();
@@ -261,8 +267,11 @@ impl<'a> Problem<'a> {
 
     /// Log-likelihood of what each number of a group has a say in.
     fn of_each(&self, x: &[f64], extent: Extent) -> Vec<f64> {
-        let by_ring = self.by_ring(x);
-        if extent == Extent::PerRing { by_ring } else { vec![by_ring.iter().sum()] }
+        if extent == Extent::PerRing {
+            return self.by_ring(x, 1);
+        }
+        let rays: usize = self.batches.iter().map(|p| p.batch.observed.range_m.shape().num_elements()).sum();
+        vec![self.by_ring(x, (rays / SCANNED_RAYS).max(1)).iter().sum()]
     }
 }
 
