@@ -1,9 +1,9 @@
 //! The binary: what it prints, how it fails, how it stops.
 
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Lines, Read, Write};
 use std::net::TcpStream;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::thread;
 use std::time::Duration;
 
@@ -79,27 +79,82 @@ fn convert_reports_failures_with_its_exit_code() -> Result {
 
 #[test]
 fn a_request_under_way_at_sigterm_is_answered() -> Result {
-    let mut service = realbeam_server();
-    let service = service.args(["serve", "--addr=127.0.0.1:0", "--default-model=passthrough"]);
-    let mut service = service.stderr(Stdio::piped()).spawn()?;
-    let mut log = BufReader::new(service.stderr.take().ok_or("no stderr")?);
-    let mut line = String::new();
-    while !line.contains("listening at http://") {
-        line.clear();
-        assert!(log.read_line(&mut line)? > 0, "the service ended before it listened");
-    }
-    let addr = line.trim().rsplit('/').next().unwrap_or_default();
+    let mut command = realbeam_server();
+    let mut service = Serving::start(
+        command.env("REALBEAM_ADDR", "127.0.0.1:0").env("REALBEAM_DEFAULT_MODEL", "passthrough"),
+        plain,
+    )?;
     let body = bin()?;
-    let mut stream = TcpStream::connect(addr)?;
+    let mut stream = TcpStream::connect(&service.addr)?;
     write!(stream, "POST /v1/scan HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {}\r\n\r\n", body.len())?;
     stream.write_all(&body[..1000])?;
     thread::sleep(Duration::from_millis(200));
-    assert!(Command::new("kill").arg(service.id().to_string()).status()?.success());
+    assert!(Command::new("kill").arg(service.process.id().to_string()).status()?.success());
     thread::sleep(Duration::from_millis(200));
     stream.write_all(&body[1000..])?;
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer)?;
     assert!(answer.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&answer[..answer.len().min(200)]));
-    assert!(service.wait()?.success());
+    assert!(service.process.wait()?.success());
+    Ok(())
+}
+
+/// A served process; ended when dropped.
+struct Serving {
+    process: Child,
+    addr: String,
+    /// Held, so that the process can write on.
+    _log: Lines<BufReader<ChildStderr>>,
+}
+
+impl Serving {
+    /// Starts it and waits for the line of its log in which `address` finds the address.
+    fn start(command: &mut Command, address: impl Fn(&str) -> Option<String>) -> Result<Self> {
+        let mut process = command.arg("serve").stderr(Stdio::piped()).spawn()?;
+        let mut log = BufReader::new(process.stderr.take().ok_or("no stderr")?).lines();
+        let mut said = String::new();
+        for line in log.by_ref() {
+            let line = line?;
+            if let Some(addr) = address(&line) {
+                return Ok(Self { process, addr, _log: log });
+            }
+            said += &line;
+        }
+        Err(format!("the service ended before it listened: {said}").into())
+    }
+}
+
+/// The address in a line of the log for people.
+fn plain(line: &str) -> Option<String> {
+    line.split_once("listening at http://").map(|(_, addr)| addr.trim().into())
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn a_configuration_file_and_the_environment_say_what_the_command_line_does_not() -> Result {
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("server.toml");
+    let text = "addr = '127.0.0.1:0'\ndefault_model = 'no-such'\nmax_points = 7\nlog_format = 'json'\nqueue = 3\n";
+    fs::write(&file, text)?;
+    let mut command = realbeam_server();
+    let command = command.env("REALBEAM_CONFIG", &file).env("REALBEAM_DEFAULT_MODEL", "passthrough");
+    let service = Serving::start(command, |line| {
+        let line: serde_json::Value = serde_json::from_str(line).ok()?;
+        line["message"].as_str()?.strip_prefix("listening at http://").map(Into::into)
+    })?;
+    let mut info = ureq::get(format!("http://{}/info", service.addr)).call()?;
+    let info: serde_json::Value = serde_json::from_str(&info.body_mut().read_to_string()?)?;
+    assert_eq!((&info["default_model"], &info["max_points"]), (&"passthrough".into(), &7.into()));
+
+    fs::write(&file, "quue = 3")?;
+    let output = realbeam_server().args(["serve", "--config"]).arg(&file).output()?;
+    let said = stderr(&output);
+    assert!(!output.status.success() && said.contains("server.toml: key `quue` is unknown; there are "), "{said}");
     Ok(())
 }

@@ -1,23 +1,25 @@
 //! The command line of `realbeam-server`.
 
-use std::net::SocketAddr;
+mod config_file;
+mod log;
+mod serve;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::available_parallelism;
-use std::time::Duration;
 
 use anyhow::Context;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use lidar::formats::Limits;
 use lidar::label::CarlaTags;
 
-use crate::catalogue::WorkerOptions;
 use crate::convert::{self, Conversion};
 use crate::generator::{self, Chance};
 use crate::inspect;
 use crate::model::Model;
 use crate::repository::Repository;
-use crate::serve::{self, Config};
+use log::LogOptions;
+use serve::Serve;
 
 /// Makes simulated lidar scans look like those of a real sensor.
 #[derive(Debug, Parser)]
@@ -30,42 +32,11 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Answer scans over HTTP.
-    Serve(Serve),
+    Serve(Box<Serve>),
     /// Convert a file, or every scan of a folder.
     Convert(Convert),
     /// Print a model's card, inputs and outputs.
     Inspect(ModelChoice),
-}
-
-#[derive(Debug, Args)]
-struct Serve {
-    /// Folder of models: <NAME>/<VERSION>/model.onnx.
-    #[arg(long, env = "REALBEAM_MODELS", default_value = "models")]
-    models: PathBuf,
-    /// Model that is used where a request names none.
-    #[arg(long, env = "REALBEAM_DEFAULT_MODEL", default_value = "hdl64e")]
-    default_model: String,
-    /// Address to listen at; port 0 takes a free one.
-    #[arg(long, env = "REALBEAM_ADDR", default_value = "127.0.0.1:8080")]
-    addr: SocketAddr,
-    /// Worker threads of each model, each with a session of its own.
-    #[arg(long, env = "REALBEAM_WORKERS", default_value_t = 1, value_parser = positive)]
-    workers: usize,
-    /// Threads within an operator, for each worker [default: all cores].
-    #[arg(long, env = "REALBEAM_THREADS", value_parser = positive)]
-    threads: Option<usize>,
-    /// Scans that may wait for a worker before others are turned away with 429.
-    #[arg(long, env = "REALBEAM_QUEUE", default_value_t = 32, value_parser = positive)]
-    queue: usize,
-    /// Bytes that a body may have.
-    #[arg(long, env = "REALBEAM_MAX_BODY_BYTES", default_value_t = 64 << 20)]
-    max_body_bytes: usize,
-    /// Points that a scan may have.
-    #[arg(long, env = "REALBEAM_MAX_POINTS", default_value_t = Limits::default().max_points)]
-    max_points: usize,
-    /// Seconds that requests under way get to finish when the service is told to stop.
-    #[arg(long, env = "REALBEAM_GRACE_S", default_value_t = 30)]
-    grace_s: u64,
 }
 
 #[derive(Debug, Args)]
@@ -98,6 +69,8 @@ struct Convert {
     /// Threads within an operator [default: all cores].
     #[arg(long, value_parser = positive)]
     threads: Option<usize>,
+    #[command(flatten)]
+    log: LogOptions,
     /// File or folder to convert; the names tell the formats.
     from: PathBuf,
     /// File or folder to write.
@@ -141,6 +114,19 @@ enum Tags {
 }
 
 impl Cli {
+    /// Reads the command line, the environment and, if either names one, the configuration file of `serve`. Ends the process where the
+    /// command line is wrong or asks for help.
+    pub fn read() -> anyhow::Result<Self> {
+        let matches = Self::command().get_matches();
+        let file =
+            matches.subcommand_matches(serve::NAME).and_then(|matches| matches.get_one::<PathBuf>(serve::CONFIG));
+        let matches = match file {
+            None => matches,
+            Some(file) => config_file::as_defaults(Self::command(), serve::NAME, file)?.get_matches(),
+        };
+        Ok(Self::from_arg_matches(&matches)?)
+    }
+
     /// Does what the command line says; returns when it is done or the service was stopped.
     pub fn run(self) -> anyhow::Result<()> {
         match self.command {
@@ -154,28 +140,9 @@ impl Cli {
     }
 }
 
-impl Serve {
-    fn run(self) -> anyhow::Result<()> {
-        let server = serve::serve(&Config {
-            models: self.models,
-            default_model: self.default_model,
-            addr: self.addr,
-            workers: WorkerOptions {
-                workers: self.workers,
-                threads: self.threads.unwrap_or_else(cores),
-                queue: self.queue,
-            },
-            max_body_bytes: self.max_body_bytes,
-            max_points: self.max_points,
-            grace: Duration::from_secs(self.grace_s),
-        })?;
-        tracing::info!("listening at http://{}", server.addr());
-        Ok(server.stop_at_signal()?)
-    }
-}
-
 impl Convert {
     fn run(self) -> anyhow::Result<()> {
+        self.log.start();
         let choice = ModelChoice { model: self.model, models: self.models, model_version: self.model_version };
         let carla_tags = match self.tags {
             Tags::Until0913 => CarlaTags::Until0913,
