@@ -20,8 +20,12 @@ pub struct ErrorBody {
 pub enum ErrorCode {
     /// A query parameter is unknown, given twice or not readable.
     BadQuery,
+    /// A header is given twice or not readable.
+    BadHeader,
     /// The body did not arrive in full.
     BadBody,
+    /// The body did not arrive in time.
+    BodyTooSlow,
     /// The body is not what its type says.
     MalformedScan,
     /// No such route.
@@ -44,8 +48,14 @@ pub enum ErrorCode {
     UnusableScan,
     /// The scan has something that the format of the answer cannot hold.
     UnencodableAnswer,
-    /// More requests wait than the service lets wait; try again.
+    /// A later scan of the same stream has taken the place of this one, which still waited.
+    Superseded,
+    /// More requests wait, or more bytes are under way, than the service lets; try again.
     Overloaded,
+    /// More connections are open than the service lets; try again.
+    TooManyConnections,
+    /// The answer would come after the deadline of the request.
+    DeadlineExceeded,
     /// The model cannot be loaded, or gave no usable answer.
     ModelFailed,
     /// The service's own fault.
@@ -58,16 +68,19 @@ impl ErrorCode {
     /// The HTTP status that goes with the code.
     pub const fn status(self) -> u16 {
         match self {
-            Self::BadQuery | Self::BadBody | Self::MalformedScan => 400,
+            Self::BadQuery | Self::BadHeader | Self::BadBody | Self::MalformedScan => 400,
             Self::RouteNotFound | Self::ModelNotFound => 404,
             Self::MethodNotAllowed => 405,
             Self::NotAcceptable => 406,
+            Self::BodyTooSlow => 408,
+            Self::Superseded => 409,
             Self::BodyTooLarge | Self::TooManyPoints => 413,
             Self::UnsupportedMediaType | Self::UnsupportedEncoding => 415,
             Self::UnusableScan | Self::UnencodableAnswer => 422,
             Self::Overloaded => 429,
             Self::ModelFailed | Self::Internal => 500,
-            Self::NotReady => 503,
+            Self::NotReady | Self::TooManyConnections => 503,
+            Self::DeadlineExceeded => 504,
         }
     }
 }

@@ -6,9 +6,9 @@
 //! of each stage, of the whole answer as the client sees it, and of the difference to the model's run.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use lidar::formats::{self, Format, Limits};
+use lidar::formats::{self, Format};
 use lidar::{PointCloud, Sensor};
 use server::{Config, WorkerOptions, serve};
 
@@ -28,9 +28,7 @@ fn main() -> Result {
         default_model,
         addr: "127.0.0.1:0".parse()?,
         workers: WorkerOptions { workers: 1, threads, queue: 4 },
-        max_body_bytes: 64 << 20,
-        max_points: Limits::default().max_points,
-        grace: Duration::from_secs(5),
+        ..Config::default()
     })?;
     let body = formats::encode(Format::Kitti, &street()?)?;
     let agent = ureq::Agent::new_with_defaults();

@@ -2,17 +2,18 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::thread::available_parallelism;
 
 use thiserror::Error;
 use tokio::sync::OnceCell;
 
 use crate::model::Model;
-use crate::pipeline::{Pipeline, PipelineError, ScanAnswer, ScanError, ScanJob};
+use crate::pipeline::{Pipeline, PipelineError};
 use crate::repository::{Repository, RepositoryError};
 use crate::worker::{Pool, Size};
 
 /// The workers of one model.
-pub(crate) type ScanPool = Pool<ScanJob, Result<ScanAnswer, ScanError>>;
+pub(crate) type ScanPool = Pool<Pipeline>;
 
 /// What the workers of each model are given.
 #[derive(Clone, Copy, Debug)]
@@ -125,8 +126,18 @@ impl Catalogue {
 fn start_pool(model: &Arc<Model>, options: WorkerOptions) -> Result<ScanPool, PipelineError> {
     let size = Size { name: format!("scan-{}", model.name), workers: options.workers, queue: options.queue };
     let model = Arc::clone(model);
-    Pool::start(&size, move || {
-        let mut pipeline = Pipeline::new(&model, options.threads)?;
-        Ok::<_, PipelineError>(move |job: ScanJob| pipeline.run(&job))
-    })
+    Pool::start(&size, move || Pipeline::new(&model, options.threads))
+}
+
+impl Offer {
+    /// True if a scan would be taken now; workers that have not started have nothing to do yet.
+    pub(crate) fn has_room(&self) -> bool {
+        self.pool.get().is_none_or(Pool::has_room)
+    }
+}
+
+impl Default for WorkerOptions {
+    fn default() -> Self {
+        Self { workers: 1, threads: available_parallelism().map_or(1, usize::from), queue: 32 }
+    }
 }

@@ -4,13 +4,16 @@
 //! [`convert`](convert()) runs it on files; both read models from a [`repository`], where one model is one ONNX file that carries its
 //! own card. Finding ONNX Runtime itself is the matter of the crate [`runtime`].
 
+mod budget;
 pub mod catalogue;
 pub mod cli;
+pub mod config;
 pub mod convert;
 pub mod coverage;
 mod generator;
 mod http;
 pub mod inspect;
+mod listen;
 pub mod model;
 pub mod onnx_file;
 pub mod pipeline;
@@ -18,12 +21,14 @@ pub mod repository;
 mod sampled;
 pub mod serve;
 pub mod stopwatch;
+mod streams;
 pub mod worker;
 
 pub use catalogue::WorkerOptions;
+pub use config::{Config, ConnectionLimits, RequestLimits, StopOptions};
 pub use convert::{Conversion, convert};
 pub use generator::{Chance, Noise};
 pub use model::Model;
 pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
 pub use repository::Repository;
-pub use serve::{Config, Server, serve};
+pub use serve::{Server, serve};

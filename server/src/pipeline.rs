@@ -15,6 +15,7 @@ use crate::generator::{Chance, Generator, InferenceError};
 use crate::model::{Model, SessionError};
 use crate::sampled::{NotANumber, SampleError, Sampled};
 use crate::stopwatch::{Stage, StageTimes, Stopwatch};
+use crate::worker::Caller;
 
 /// A model, loaded and ready, with all the memory that a scan needs on its way.
 #[derive(Debug)]
@@ -99,6 +100,9 @@ pub enum ScanError {
     /// The answer does not fit its format.
     #[error("answer: {0}")]
     Encode(#[source] FormatError),
+    /// Nobody waits for the answer any more.
+    #[error("whoever asked has left")]
+    Abandoned,
 }
 
 /// A pipeline that cannot be built.
@@ -134,11 +138,12 @@ impl Pipeline {
         })
     }
 
-    /// Makes a scan realistic. The same bytes, model, seed and kind of noise give the same bytes, whatever ran before.
-    pub fn run(&mut self, job: &ScanJob) -> Result<ScanAnswer, ScanError> {
+    /// Makes a scan realistic. The same bytes, model, seed and kind of noise give the same bytes, whatever ran before. Stops between two
+    /// stages if the caller has left.
+    pub fn run(&mut self, job: &ScanJob, caller: Caller<'_>) -> Result<ScanAnswer, ScanError> {
         let mut watch = Stopwatch::start();
         let simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
-        let fit = self.transform(simulated, job.frame, job.chance, &mut watch)?;
+        let fit = self.transform(simulated, job.frame, job.chance, Escort { watch: &mut watch, caller })?;
         let bytes = formats::encode(job.answer_format, &self.realistic).map_err(ScanError::Encode)?;
         watch.lap(Stage::Encode);
         Ok(ScanAnswer { bytes, fit, times: watch.times() })
@@ -147,7 +152,8 @@ impl Pipeline {
     /// Makes the scan in a file realistic, and writes it to another; labels beside a `.bin` are read and written there too.
     pub fn run_file(&mut self, from: &Path, to: &Path, file: FileJob) -> Result<Fit, ScanError> {
         let simulated = formats::read(from, &file.limits).map_err(ScanError::Decode)?;
-        let fit = self.transform(simulated, file.frame, file.chance, &mut Stopwatch::start())?;
+        let escort = Escort { watch: &mut Stopwatch::start(), caller: Caller::PATIENT };
+        let fit = self.transform(simulated, file.frame, file.chance, escort)?;
         formats::write(to, &self.realistic).map_err(ScanError::Encode)?;
         Ok(fit)
     }
@@ -158,23 +164,23 @@ impl Pipeline {
         mut simulated: PointCloud,
         frame: Frame,
         chance: Chance,
-        watch: &mut Stopwatch,
+        mut escort: Escort<'_>,
     ) -> Result<Fit, ScanError> {
         change_frame(&mut simulated, frame);
-        watch.lap(Stage::Decode);
+        escort.lap(Stage::Decode)?;
 
         self.projector.project_into(&simulated, &mut self.projection)?;
-        watch.lap(Stage::Project);
+        escort.lap(Stage::Project)?;
 
         self.generator.fill(&self.projection.image, chance);
-        watch.lap(Stage::Tensor);
+        escort.lap(Stage::Tensor)?;
 
         let outputs = self.generator.run()?;
-        watch.lap(Stage::Infer);
+        escort.lap(Stage::Infer)?;
 
         let card = &self.model.card;
         self.sampled.draw(&self.projection.image, &outputs, chance.seed, card.adds_returns)?;
-        watch.lap(Stage::Sample);
+        escort.lap(Stage::Sample)?;
 
         self.projection.reconstruct_into(&simulated, self.sampled.measured(), &mut self.realistic);
         let kept = self.realistic.len();
@@ -185,7 +191,7 @@ impl Pipeline {
             0
         };
         change_frame(&mut self.realistic, frame);
-        watch.lap(Stage::Reconstruct);
+        escort.lap(Stage::Reconstruct)?;
 
         let coverage = Coverage::of(&self.projection);
         let warning = if simulated.is_empty() { None } else { coverage.warning(&card.sensor) };
@@ -207,6 +213,20 @@ impl Fit {
     /// Points nearer or farther than the sensor sees, or above or below all its rings.
     pub fn out_of_range(&self) -> usize {
         self.report.out_of_range + self.report.outside_view
+    }
+}
+
+/// What goes along with a scan from stage to stage.
+struct Escort<'a> {
+    watch: &'a mut Stopwatch,
+    caller: Caller<'a>,
+}
+
+impl Escort<'_> {
+    /// Books the time on a stage that is over, and lets the scan go on only if its answer is still wanted.
+    fn lap(&mut self, stage: Stage) -> Result<(), ScanError> {
+        self.watch.lap(stage);
+        if self.caller.has_left() { Err(ScanError::Abandoned) } else { Ok(()) }
     }
 }
 

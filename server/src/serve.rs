@@ -2,48 +2,26 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
-use axum::serve::ListenerExt;
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
-use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
 
-use crate::catalogue::{Catalogue, CatalogueError, WorkerOptions};
+use crate::catalogue::{Catalogue, CatalogueError};
+use crate::config::{Config, StopOptions};
 use crate::http::{self, App};
+use crate::listen::listen;
 use crate::repository::Repository;
-
-/// What a service is started with.
-#[derive(Clone, Debug)]
-pub struct Config {
-    /// The folder of models.
-    pub models: PathBuf,
-    /// The model that is used where a request names none.
-    pub default_model: String,
-    /// Address to listen at; port 0 takes a free one.
-    pub addr: SocketAddr,
-    /// Workers of each model.
-    pub workers: WorkerOptions,
-    /// Bytes that a body may have.
-    pub max_body_bytes: usize,
-    /// Points that a scan may have.
-    pub max_points: usize,
-    /// Time that requests under way get to finish when the service stops.
-    pub grace: Duration,
-}
 
 /// A running service. Dropping it stops it.
 #[derive(Debug)]
 pub struct Server {
     addr: SocketAddr,
-    app: Arc<App>,
-    stop: Option<oneshot::Sender<()>>,
-    thread: Option<JoinHandle<io::Result<()>>>,
+    stop: CancellationToken,
+    thread: Option<JoinHandle<()>>,
 }
 
 /// A service that does not start, or ended badly.
@@ -52,6 +30,16 @@ pub enum ServeError {
     /// The models are not fit to serve.
     #[error(transparent)]
     Models(#[from] CatalogueError),
+    /// Limits that contradict each other.
+    #[error(
+        "max_inflight_bytes is {inflight}, less than the {body} of max_body_bytes: the largest bodies would never get in"
+    )]
+    Limits {
+        /// Bytes of all requests.
+        inflight: usize,
+        /// Bytes of one body.
+        body: usize,
+    },
     /// The address cannot be listened at.
     #[error("cannot listen at {addr}: {source}")]
     Listen {
@@ -67,24 +55,25 @@ pub enum ServeError {
 
 /// Starts the service: reads every model, starts the default model's workers, listens. Returns once scans are taken.
 pub fn serve(config: &Config) -> Result<Server, ServeError> {
+    let (inflight, body) = (config.requests.max_inflight_bytes, config.requests.max_body_bytes);
+    if inflight < body {
+        return Err(ServeError::Limits { inflight, body });
+    }
     let catalogue = Catalogue::read(&Repository::new(&config.models), &config.default_model, config.workers)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("http").build()?;
     let default = catalogue.find(None, None).map_err(CatalogueError::from)?;
     runtime.block_on(catalogue.pool(default))?;
-    let listen = |source| ServeError::Listen { addr: config.addr, source };
-    let listener = runtime.block_on(TcpListener::bind(config.addr)).map_err(listen)?;
-    let addr = listener.local_addr().map_err(listen)?;
-    let app = Arc::new(App {
-        catalogue,
-        max_body_bytes: config.max_body_bytes,
-        max_points: config.max_points,
-        draining: AtomicBool::new(false),
-    });
-    let (stop, stopped) = oneshot::channel();
-    let (router, grace) = (http::router(Arc::clone(&app)), config.grace);
-    let accept = move || accept(&runtime, listener, router, stopped, grace);
-    let thread = thread::Builder::new().name("serve".into()).spawn(accept)?;
-    Ok(Server { addr, app, stop: Some(stop), thread: Some(thread) })
+    let fail = |source| ServeError::Listen { addr: config.addr, source };
+    let listener = runtime.block_on(TcpListener::bind(config.addr)).map_err(fail)?;
+    let addr = listener.local_addr().map_err(fail)?;
+    let app = Arc::new(App::new(catalogue, config.requests));
+    let stop = CancellationToken::new();
+    let (stopped, options) = (stop.clone(), config.stop);
+    let end = CancellationToken::new();
+    let serving = listen(listener, http::router(Arc::clone(&app)), config.connections, end.clone());
+    let run = move || run(&runtime, serving, stop_in_order(app, stopped, end, options));
+    let thread = thread::Builder::new().name("serve".into()).spawn(run)?;
+    Ok(Server { addr, stop, thread: Some(thread) })
 }
 
 impl Server {
@@ -93,7 +82,8 @@ impl Server {
         self.addr
     }
 
-    /// Stops accepting, lets requests under way finish within the grace, and returns.
+    /// Says that it is not ready, goes on for the lame duck's time, then takes no more, lets requests under way finish within the grace,
+    /// and returns.
     pub fn stop(mut self) -> Result<(), ServeError> {
         self.end()
     }
@@ -107,15 +97,10 @@ impl Server {
     }
 
     fn end(&mut self) -> Result<(), ServeError> {
-        self.app.draining.store(true, Ordering::Relaxed);
-        if let Some(stop) = self.stop.take() {
-            // The service may have ended by itself.
-            let _ = stop.send(());
-        }
+        self.stop.cancel();
         match self.thread.take().map(JoinHandle::join) {
-            Some(Ok(ended)) => Ok(ended?),
             Some(Err(_)) => Err(ServeError::Runtime(io::Error::other("the thread panicked"))),
-            None => Ok(()),
+            Some(Ok(())) | None => Ok(()),
         }
     }
 }
@@ -128,38 +113,23 @@ impl Drop for Server {
     }
 }
 
-/// Serves until told to stop, and for the grace after that.
-fn accept(
-    runtime: &Runtime,
-    listener: TcpListener,
-    router: axum::Router,
-    stopped: oneshot::Receiver<()>,
-    grace: Duration,
-) -> io::Result<()> {
-    runtime.block_on(async move {
-        let (draining, drained) = oneshot::channel();
-        let told = async move {
-            // A sender that is gone means the same.
-            let _ = stopped.await;
-            let _ = draining.send(());
-        };
-        let listener = listener.tap_io(|connection| {
-            // Answers go out whole; without this the last packet may wait for an acknowledgement.
-            let _ = connection.set_nodelay(true);
-        });
-        let serving = axum::serve(listener, router).with_graceful_shutdown(told);
-        let too_late = async move {
-            let _ = drained.await;
-            tokio::time::sleep(grace).await;
-        };
+/// Serves until all is answered or time is over.
+fn run(runtime: &Runtime, serving: impl Future<Output = ()>, time_over: impl Future<Output = ()>) {
+    runtime.block_on(async {
         tokio::select! {
-            ended = serving => ended,
-            () = too_late => {
-                tracing::warn!("requests were still under way after {} s; they are cut off", grace.as_secs_f64());
-                Ok(())
-            }
+            () = serving => {}
+            () = time_over => tracing::warn!("requests were still under way at the end of the grace; they are cut off"),
         }
-    })
+    });
+}
+
+/// Once told to stop: no longer ready, then, after the lame duck's time, the end of accepting. Completes when the grace is over.
+async fn stop_in_order(app: Arc<App>, stopped: CancellationToken, end: CancellationToken, options: StopOptions) {
+    stopped.cancelled().await;
+    app.drain();
+    tokio::time::sleep(options.lame_duck).await;
+    end.cancel();
+    tokio::time::sleep(options.grace).await;
 }
 
 /// Completes at SIGTERM or an interrupt.

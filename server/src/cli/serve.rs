@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use lidar::formats::Limits;
 
 use super::log::LogOptions;
 use super::{cores, positive};
 use crate::catalogue::WorkerOptions;
-use crate::serve::{self, Config};
+use crate::config::{Config, ConnectionLimits, RequestLimits, StopOptions};
+use crate::serve::serve;
 
 /// Name of the subcommand.
 pub(super) const NAME: &str = "serve";
@@ -43,17 +43,36 @@ pub(super) struct Serve {
     #[arg(long, env = "REALBEAM_THREADS", value_parser = positive)]
     threads: Option<usize>,
     /// Scans that may wait for a worker before others are turned away with 429.
-    #[arg(long, env = "REALBEAM_QUEUE", default_value_t = 32, value_parser = positive)]
+    #[arg(long, env = "REALBEAM_QUEUE", default_value_t = WorkerOptions::default().queue, value_parser = positive)]
     queue: usize,
-    /// Bytes that a body may have.
-    #[arg(long, env = "REALBEAM_MAX_BODY_BYTES", default_value_t = 64 << 20)]
+    /// Bytes that a body may have; more is 413.
+    #[arg(long, env = "REALBEAM_MAX_BODY_BYTES", default_value_t = RequestLimits::default().max_body_bytes)]
     max_body_bytes: usize,
-    /// Points that a scan may have.
-    #[arg(long, env = "REALBEAM_MAX_POINTS", default_value_t = Limits::default().max_points)]
+    /// Points that a scan may have; more is 413.
+    #[arg(long, env = "REALBEAM_MAX_POINTS", default_value_t = RequestLimits::default().max_points)]
     max_points: usize,
-    /// Seconds that requests under way get to finish when the service is told to stop.
-    #[arg(long, env = "REALBEAM_GRACE_S", default_value_t = 30)]
-    grace_s: u64,
+    /// Bytes that all bodies and answers under way may have together; more is 429.
+    #[arg(long, env = "REALBEAM_MAX_INFLIGHT_BYTES", default_value_t = RequestLimits::default().max_inflight_bytes)]
+    max_inflight_bytes: usize,
+    /// Seconds that a body gets to arrive; slower is 408.
+    #[arg(long, env = "REALBEAM_BODY_TIME_S", default_value = "30", value_parser = seconds)]
+    body_time_s: Duration,
+    /// Connections at a time; one more is told 503 and closed.
+    #[arg(long, env = "REALBEAM_MAX_CONNECTIONS", default_value_t = ConnectionLimits::default().max, value_parser = positive)]
+    max_connections: usize,
+    /// Seconds that a connection may be without a request, or take to send the headers of one; then it is closed.
+    #[arg(long, env = "REALBEAM_IDLE_TIME_S", default_value = "60", value_parser = seconds)]
+    idle_time_s: Duration,
+    /// Seconds in which a client may take nothing of an answer that is there for it; then the connection is closed.
+    #[arg(long, env = "REALBEAM_WRITE_TIME_S", default_value = "30", value_parser = seconds)]
+    write_time_s: Duration,
+    /// Seconds from the signal to stop in which requests are still taken while /v2/health/ready is 503, so that a load balancer can look
+    /// away.
+    #[arg(long, env = "REALBEAM_LAME_DUCK_S", default_value = "0", value_parser = seconds)]
+    lame_duck_s: Duration,
+    /// Seconds that requests under way get to finish after that.
+    #[arg(long, env = "REALBEAM_GRACE_S", default_value = "30", value_parser = seconds)]
+    grace_s: Duration,
 }
 
 impl Serve {
@@ -63,22 +82,57 @@ impl Serve {
         if let Some(file) = &self.config {
             tracing::info!("configured by {}", file.display());
         }
-        let server = serve::serve(&self.into_config())?;
+        let server = serve(&self.into_config())?;
         tracing::info!("listening at http://{}", server.addr());
         Ok(server.stop_at_signal()?)
     }
 
     fn into_config(self) -> Config {
-        let workers =
-            WorkerOptions { workers: self.workers, threads: self.threads.unwrap_or_else(cores), queue: self.queue };
         Config {
             models: self.models,
             default_model: self.default_model,
             addr: self.addr,
-            workers,
-            max_body_bytes: self.max_body_bytes,
-            max_points: self.max_points,
-            grace: Duration::from_secs(self.grace_s),
+            workers: WorkerOptions {
+                workers: self.workers,
+                threads: self.threads.unwrap_or_else(cores),
+                queue: self.queue,
+            },
+            requests: RequestLimits {
+                max_body_bytes: self.max_body_bytes,
+                max_points: self.max_points,
+                max_inflight_bytes: self.max_inflight_bytes,
+                body_time: self.body_time_s,
+            },
+            connections: ConnectionLimits {
+                max: self.max_connections,
+                idle_time: self.idle_time_s,
+                write_time: self.write_time_s,
+            },
+            stop: StopOptions { lame_duck: self.lame_duck_s, grace: self.grace_s },
         }
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| "expected a number of seconds".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        serve: Serve,
+    }
+
+    #[test]
+    fn who_says_nothing_gets_the_defaults_of_the_library() {
+        let config = Alone::parse_from(["serve"]).serve.into_config();
+        assert_eq!(format!("{config:?}"), format!("{:?}", Config::default()));
     }
 }

@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::Response;
 
 use super::scan::Wish;
+use crate::budget::Share;
 use crate::pipeline::ScanAnswer;
 use crate::stopwatch::Stage;
 
@@ -26,11 +27,11 @@ use crate::stopwatch::Stage;
 /// | `x-realbeam-grid-coverage` | share of the model's rings that have a point |
 /// | `x-realbeam-warning` | what to change if the scan does not fit the model's sensor |
 /// | `Server-Timing` | milliseconds a stage |
-pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, wish: &Wish) -> Response {
+pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, share: Share, wish: &Wish) -> Response {
     let mut times = answer.times;
     times.set(Stage::Queue, queued_for);
     let numbers = [
-        ("x-realbeam-seed", wish.query.seed),
+        ("x-realbeam-seed", wish.seed),
         ("x-realbeam-model-version", wish.offer.version),
         ("x-realbeam-points-in", answer.fit.report.points_in as u64),
         ("x-realbeam-points-kept", answer.fit.kept as u64),
@@ -47,7 +48,7 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, wish: &Wish) ->
         ("x-realbeam-warning", answer.fit.warning),
         ("server-timing", Some(times.to_string())),
     ];
-    let mut response = Response::new(Body::from(answer.bytes));
+    let mut response = Response::new(Body::from(on_its_way(answer.bytes, share)));
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wish.accepted.name));
     for (name, number) in numbers {
@@ -60,4 +61,19 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, wish: &Wish) ->
         }
     }
     response
+}
+
+/// Bytes that count as under way until the connection has let go of the last of them.
+fn on_its_way(bytes: Vec<u8>, mut share: Share) -> Bytes {
+    struct Held {
+        bytes: Vec<u8>,
+        _share: Share,
+    }
+    impl AsRef<[u8]> for Held {
+        fn as_ref(&self) -> &[u8] {
+            &self.bytes
+        }
+    }
+    share.resize(bytes.len());
+    Bytes::from_owner(Held { bytes, _share: share })
 }

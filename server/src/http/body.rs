@@ -1,4 +1,4 @@
-//! Bodies of requests: read within a limit, or thrown away.
+//! Bodies of requests: let in, read within limits, or thrown away.
 
 use std::future::poll_fn;
 use std::pin::Pin;
@@ -7,30 +7,79 @@ use std::time::Duration;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::http::{HeaderMap, header};
 use proto::ErrorCode;
+use tokio::time::Instant;
 
+use super::App;
 use super::error::ApiError;
+use super::terms::{self, Terms};
+use crate::budget::Share;
+use crate::catalogue::Offer;
 
 /// Time that a client gets to send the rest of a body that nobody will read.
 const DISCARD: Duration = Duration::from_secs(5);
 
-/// Reads a body of at most `limit` bytes. One that announces more is refused before it is read.
-pub(super) async fn read(headers: &HeaderMap, mut body: Body, limit: usize) -> Result<Bytes, ApiError> {
-    let too_large = || ApiError::new(ErrorCode::BodyTooLarge, format!("the body has more than {limit} bytes"));
+/// A body that has been let in but not read.
+pub(super) struct Admitted {
+    announced: Option<usize>,
+    share: Share,
+}
+
+/// Lets a body in by its announced length, before it is read: if it is not too long, if its share of the memory is free, and if the
+/// model's queue has room. A body of unknown length counts as the longest one.
+pub(super) fn admit(app: &App, headers: &HeaderMap, offer: &Offer) -> Result<Admitted, ApiError> {
     let announced = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    let limit = app.limits.max_body_bytes;
     if announced.is_some_and(|bytes| bytes > limit as u64) {
-        discard(body).await;
-        return Err(too_large());
+        return Err(too_large(limit));
     }
-    let mut bytes = Vec::with_capacity(announced.unwrap_or_default() as usize);
-    while let Some(data) = next(&mut body).await {
-        let data = data.map_err(|_| ApiError::new(ErrorCode::BadBody, "the body did not arrive in full"))?;
-        if data.len() > limit - bytes.len() {
-            discard(body).await;
-            return Err(too_large());
+    if !offer.has_room() {
+        return Err(ApiError::new(ErrorCode::Overloaded, "too many scans wait already; try again later"));
+    }
+    let announced = announced.map(|bytes| bytes as usize);
+    let share = app.budget.take(announced.unwrap_or(limit)).ok_or_else(|| {
+        let message = format!("bodies of {} bytes are under way already; try again later", app.budget.used());
+        ApiError::new(ErrorCode::Overloaded, message)
+    })?;
+    Ok(Admitted { announced, share })
+}
+
+impl Admitted {
+    /// Reads the body within its limits of bytes and time.
+    pub(super) async fn read(self, app: &App, terms: &Terms, mut body: Body) -> Result<(Bytes, Share), ApiError> {
+        let (limit, time) = (app.limits.max_body_bytes, app.limits.body_time);
+        let slow = tokio::time::sleep_until(Instant::now() + time);
+        let mut bytes = Vec::with_capacity(self.announced.unwrap_or_default());
+        let reading = async {
+            while let Some(data) = next(&mut body).await {
+                let data = data.map_err(|_| ApiError::new(ErrorCode::BadBody, "the body did not arrive in full"))?;
+                if data.len() > limit - bytes.len() {
+                    return Err(too_large(limit));
+                }
+                bytes.extend_from_slice(&data);
+            }
+            Ok(())
+        };
+        let read = tokio::select! {
+            read = reading => read,
+            () = slow => {
+                let message = format!("the body did not arrive within {} s", time.as_secs_f64());
+                // What is left of it would come too late as well.
+                return Err(ApiError::new(ErrorCode::BodyTooSlow, message));
+            }
+            () = terms::until(terms.deadline) => return Err(terms::too_late()),
+        };
+        match read {
+            Ok(()) => {
+                let mut share = self.share;
+                share.resize(bytes.len());
+                Ok((bytes.into(), share))
+            }
+            Err(error) => {
+                discard(body).await;
+                Err(error)
+            }
         }
-        bytes.extend_from_slice(&data);
     }
-    Ok(bytes.into())
 }
 
 /// Reads a body to its end, for a while, and forgets it. A client that still sends when the connection closes would see a broken pipe
@@ -39,6 +88,10 @@ pub(super) async fn discard(mut body: Body) {
     let rest = async { while let Some(Ok(_)) = next(&mut body).await {} };
     // Whoever is slower than this has to do without.
     let _ = tokio::time::timeout(DISCARD, rest).await;
+}
+
+fn too_large(limit: usize) -> ApiError {
+    ApiError::new(ErrorCode::BodyTooLarge, format!("the body has more than {limit} bytes"))
 }
 
 /// The next piece of a body; `None` at its end.

@@ -49,7 +49,7 @@ fn with_body(bare: &Response, error: &ApiError, request_id: &str) -> Response {
     if let Some(allow) = bare.headers().get(header::ALLOW) {
         response.headers_mut().insert(header::ALLOW, allow.clone());
     }
-    if error.code == ErrorCode::Overloaded {
+    if matches!(error.code, ErrorCode::Overloaded | ErrorCode::NotReady) {
         response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     }
     response

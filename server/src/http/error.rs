@@ -54,6 +54,8 @@ impl From<ScanError> for ApiError {
             ScanError::Project(_) => Self::new(ErrorCode::UnusableScan, message),
             ScanError::Infer(_) => Self::hidden(ErrorCode::ModelFailed, &message),
             ScanError::NotANumber(_) => Self::new(ErrorCode::ModelFailed, message),
+            // Nobody is there to read this.
+            ScanError::Abandoned => Self::new(ErrorCode::DeadlineExceeded, message),
             ScanError::Encode(_) => Self::new(ErrorCode::UnencodableAnswer, message),
         }
     }

@@ -53,8 +53,8 @@ pub(crate) async fn info(State(app): State<Arc<App>>) -> Json<serde_json::Value>
         service: "realbeam-server",
         version: env!("CARGO_PKG_VERSION"),
         default_model: app.catalogue.default_model(),
-        max_body_bytes: app.max_body_bytes,
-        max_points: app.max_points,
+        max_body_bytes: app.limits.max_body_bytes,
+        max_points: app.limits.max_points,
         media_types: &MEDIA_TYPES,
         models: models.collect(),
     };

@@ -8,6 +8,7 @@ mod info;
 mod models;
 mod query;
 mod scan;
+mod terms;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,24 +21,37 @@ use axum::routing::{get, post};
 use proto::ErrorCode;
 use tower_http::catch_panic::CatchPanicLayer;
 
+use crate::budget::Budget;
 use crate::catalogue::Catalogue;
+use crate::config::RequestLimits;
+use crate::streams::Streams;
 use error::ApiError;
 
 /// What every handler works with.
 #[derive(Debug)]
 pub(crate) struct App {
     pub(crate) catalogue: Catalogue,
-    /// Bytes that a body may have.
-    pub(crate) max_body_bytes: usize,
-    /// Points that a scan may have.
-    pub(crate) max_points: usize,
-    /// True once the service has been told to stop.
-    pub(crate) draining: AtomicBool,
+    pub(crate) limits: RequestLimits,
+    /// Memory for bodies and answers.
+    pub(crate) budget: Budget,
+    /// Streams of which only the latest scan counts.
+    pub(crate) streams: Arc<Streams>,
+    draining: AtomicBool,
 }
 
 impl App {
+    pub(crate) fn new(catalogue: Catalogue, limits: RequestLimits) -> Self {
+        let budget = Budget::new(limits.max_inflight_bytes);
+        Self { catalogue, limits, budget, streams: Arc::default(), draining: AtomicBool::new(false) }
+    }
+
     pub(crate) fn is_ready(&self) -> bool {
         !self.draining.load(Ordering::Relaxed)
+    }
+
+    /// The service has been told to stop.
+    pub(crate) fn drain(&self) {
+        self.draining.store(true, Ordering::Relaxed);
     }
 }
 

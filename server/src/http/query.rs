@@ -11,7 +11,7 @@ use crate::generator::Noise;
 pub(crate) struct ScanQuery {
     pub(crate) model: Option<String>,
     pub(crate) version: Option<u64>,
-    pub(crate) seed: u64,
+    pub(crate) seed: Option<u64>,
     pub(crate) noise: Noise,
     /// `None` leaves the frame to the body's type.
     pub(crate) frame: Option<Frame>,
@@ -35,7 +35,7 @@ impl ScanQuery {
             match key.as_str() {
                 "model" => query.model = Some(value.clone()),
                 "version" => query.version = Some(value.parse().map_err(|_| wrong("a whole number"))?),
-                "seed" => query.seed = value.parse().map_err(|_| wrong("a whole number from 0 to 2^64 - 1"))?,
+                "seed" => query.seed = Some(value.parse().map_err(|_| wrong("a whole number from 0 to 2^64 - 1"))?),
                 "noise" => query.noise = noise(value).ok_or_else(|| wrong("drawn or median"))?,
                 "frame" => query.frame = Some(frame(value).ok_or_else(|| wrong("carla or ros"))?),
                 "tags" => query.tags = Some(tags(value).ok_or_else(|| wrong("0.9.13 or 0.9.14"))?),
@@ -93,7 +93,7 @@ mod tests {
         let expected = ScanQuery {
             model: Some("m".into()),
             version: Some(3),
-            seed: u64::MAX,
+            seed: Some(u64::MAX),
             noise: Noise::Median,
             frame: Some(Frame::Carla),
             tags: Some(CarlaTags::Until0913),

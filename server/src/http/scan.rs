@@ -12,14 +12,18 @@ use proto::{ErrorCode, MediaType};
 
 use super::error::ApiError;
 use super::query::ScanQuery;
+use super::terms::Terms;
 use super::{App, answer, body};
 use crate::catalogue::Offer;
 use crate::generator::Chance;
-use crate::pipeline::ScanJob;
+use crate::pipeline::{Pipeline, ScanJob};
+use crate::worker::Caller;
 
 /// What the head of a request asks for.
 pub(crate) struct Wish {
     pub(crate) query: ScanQuery,
+    pub(crate) terms: Terms,
+    pub(crate) seed: u64,
     /// Type of the body.
     pub(crate) content: MediaType,
     /// Type of the answer.
@@ -31,34 +35,57 @@ pub(crate) struct Wish {
 /// The handler. What can be refused by the head of the request is refused before its body is looked at.
 pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Result<Response, ApiError> {
     let (head, body) = request.into_parts();
-    let wish = match Wish::read(&app, &head) {
-        Ok(wish) => wish,
+    let admitted = Wish::read(&app, &head).and_then(|wish| {
+        let admitted = body::admit(&app, &head.headers, &wish.offer)?;
+        Ok((wish, admitted))
+    });
+    let (wish, admitted) = match admitted {
+        Ok(admitted) => admitted,
         Err(error) => {
             body::discard(body).await;
             return Err(error);
         }
     };
-    let bytes = body::read(&head.headers, body, app.max_body_bytes).await?;
+    let (bytes, share) = admitted.read(&app, &wish.terms, body).await?;
     let job = ScanJob {
         bytes,
         format: wish.content.format,
         answer_format: wish.accepted.format,
         frame: wish.query.frame.unwrap_or(wish.content.frame),
-        chance: Chance { seed: wish.query.seed, noise: wish.query.noise },
-        limits: Limits { max_points: app.max_points, carla_tags: wish.query.tags.unwrap_or(CarlaTags::Since0914) },
+        chance: Chance { seed: wish.seed, noise: wish.query.noise },
+        limits: Limits {
+            max_points: app.limits.max_points,
+            carla_tags: wish.query.tags.unwrap_or(CarlaTags::Since0914),
+        },
     };
-    let done = app.catalogue.pool(&wish.offer).await?.run(job).await?;
-    Ok(answer::response(done.output?, done.queued_for, &wish))
+    let (place, superseded) = wish.terms.enter(&app.streams);
+    let work = async {
+        let pool = app.catalogue.pool(&wish.offer).await?;
+        let run = move |pipeline: &mut Pipeline, caller: Caller<'_>| {
+            drop(place);
+            pipeline.run(&job, caller)
+        };
+        Ok::<_, ApiError>(pool.run(run).await?)
+    };
+    let done = wish.terms.wait(superseded, work).await?;
+    Ok(answer::response(done.output?, done.queued_for, share, &wish))
 }
 
 impl Wish {
     fn read(app: &App, head: &Parts) -> Result<Self, ApiError> {
         let pairs = Query::<Vec<(String, String)>>::try_from_uri(&head.uri);
         let Query(pairs) = pairs.map_err(|error| ApiError::new(ErrorCode::BadQuery, error.body_text()))?;
-        let query = ScanQuery::parse(&pairs)?;
+        let (query, terms) = (ScanQuery::parse(&pairs)?, Terms::read(&head.headers)?);
+        let seed = match (query.seed, terms.seed) {
+            (Some(query), Some(header)) if query != header => {
+                let message = format!("header x-seed is `{header}`, but query key `seed` is `{query}`");
+                return Err(ApiError::new(ErrorCode::BadHeader, message));
+            }
+            (query, header) => query.or(header).unwrap_or_default(),
+        };
         let (content, accepted) = media_types(&head.headers)?;
         let offer = app.catalogue.find(query.model.as_deref(), query.version)?;
-        Ok(Self { content, accepted, offer: Arc::clone(offer), query })
+        Ok(Self { content, accepted, offer: Arc::clone(offer), query, terms, seed })
     }
 }
 

@@ -88,7 +88,7 @@ fn unknown_types_are_406_and_415() -> Result {
 #[test]
 fn too_many_bytes_or_points_are_413() -> Result {
     let mut config = config()?;
-    (config.max_body_bytes, config.max_points) = (16 * 2000, 1000);
+    (config.requests.max_body_bytes, config.requests.max_points) = (16 * 2000, 1000);
     let service = Service::with(&config)?;
     assert_error(&service.scan("", &[], &vec![0; 32_001])?, 413, ErrorCode::BodyTooLarge, "more than 32000 bytes")?;
     assert_error(&service.scan("", &[], &[0; 16 * 1001])?, 413, ErrorCode::TooManyPoints, "1001")?;

@@ -6,5 +6,6 @@ mod command_line;
 mod conversion;
 mod errors;
 mod formats;
+mod load;
 mod models;
 mod support;

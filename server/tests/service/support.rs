@@ -7,7 +7,7 @@ use lidar::PointCloud;
 use lidar::cloud::{Column, Values};
 use lidar::formats::{self, Format};
 use proto::ErrorBody;
-use server::{Config, Server, WorkerOptions, serve};
+use server::{Config, RequestLimits, Server, WorkerOptions, serve};
 use ureq::http::HeaderMap;
 
 pub(crate) type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -40,9 +40,8 @@ pub(crate) fn config() -> Result<Config> {
         default_model: "passthrough".into(),
         addr: "127.0.0.1:0".parse()?,
         workers: WorkerOptions { workers: 1, threads: 1, queue: 64 },
-        max_body_bytes: 8 << 20,
-        max_points: 100_000,
-        grace: Duration::from_secs(5),
+        requests: RequestLimits { max_body_bytes: 8 << 20, max_points: 100_000, ..RequestLimits::default() },
+        ..Config::default()
     })
 }
 

@@ -1,0 +1,86 @@
+//! Memory that requests under way may take: bytes of bodies that arrive and of answers that leave.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Bytes that all requests share. What is taken comes back when its [`Share`] is dropped.
+#[derive(Debug)]
+pub(crate) struct Budget {
+    limit: usize,
+    used: Arc<AtomicUsize>,
+}
+
+/// One request's part of a [`Budget`].
+#[derive(Debug)]
+pub(crate) struct Share {
+    bytes: usize,
+    used: Arc<AtomicUsize>,
+}
+
+impl Budget {
+    /// A budget of `limit` bytes.
+    pub(crate) fn new(limit: usize) -> Self {
+        Self { limit, used: Arc::default() }
+    }
+
+    /// A share of so many bytes, if they are left.
+    pub(crate) fn take(&self, bytes: usize) -> Option<Share> {
+        let fits = |used: usize| used.checked_add(bytes).filter(|sum| *sum <= self.limit);
+        self.used.fetch_update(Ordering::AcqRel, Ordering::Acquire, fits).ok()?;
+        Some(Share { bytes, used: Arc::clone(&self.used) })
+    }
+
+    /// Bytes in use.
+    pub(crate) fn used(&self) -> usize {
+        self.used.load(Ordering::Acquire)
+    }
+}
+
+impl Share {
+    /// Counts so many bytes from here on, even beyond the budget: an answer that is there already is not thrown away, but nobody new gets
+    /// in until it has left.
+    pub(crate) fn resize(&mut self, bytes: usize) {
+        self.used.fetch_add(bytes, Ordering::AcqRel);
+        self.used.fetch_sub(self.bytes, Ordering::AcqRel);
+        self.bytes = bytes;
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.used.fetch_sub(self.bytes, Ordering::AcqRel);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_taken_is_missing_until_it_comes_back() {
+        let budget = Budget::new(10);
+        let first = budget.take(6);
+        assert!(first.is_some() && budget.take(5).is_none() && budget.take(usize::MAX).is_none());
+        let second = budget.take(4);
+        assert_eq!(budget.used(), 10);
+        drop(first);
+        assert_eq!(budget.used(), 4);
+        let Some(mut second) = second else { panic!("4 of 4 bytes were left") };
+        second.resize(12);
+        assert_eq!(budget.used(), 12);
+        assert!(budget.take(0).is_none(), "an answer beyond the budget keeps others out");
+        drop(second);
+        assert_eq!(budget.used(), 0);
+    }
+
+    #[test]
+    fn many_takers_never_get_more_than_there_is() {
+        let budget = Budget::new(100);
+        let taken = std::thread::scope(|scope| {
+            let threads: Vec<_> =
+                (0..8).map(|_| scope.spawn(|| (0..1000).map(|_| budget.take(7)).collect::<Vec<_>>())).collect();
+            threads.into_iter().flat_map(|thread| thread.join().unwrap_or_default()).flatten().count()
+        });
+        assert_eq!((taken, budget.used()), (14, 0));
+    }
+}

@@ -1,0 +1,62 @@
+//! Connections: let in up to a number, served within time limits, ended when the service ends.
+
+mod activity;
+mod connection;
+
+use std::io::{self, ErrorKind};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::config::ConnectionLimits;
+
+/// Pause after the system had no resources for a connection.
+const BREATHER: Duration = Duration::from_millis(200);
+
+/// Serves connections until `stop`, then until the last request under way is answered.
+pub(crate) async fn listen(listener: TcpListener, router: Router, limits: ConnectionLimits, stop: CancellationToken) {
+    let (connections, places) = (TaskTracker::new(), Arc::new(Semaphore::new(limits.max)));
+    loop {
+        let accepted = tokio::select! {
+            () = stop.cancelled() => break,
+            accepted = listener.accept() => accepted,
+        };
+        let stream = match accepted {
+            Ok((stream, _)) => stream,
+            Err(error) => {
+                pause(&error).await;
+                continue;
+            }
+        };
+        // Answers go out whole; without this the last packet may wait for an acknowledgement.
+        let _ = stream.set_nodelay(true);
+        match Arc::clone(&places).try_acquire_owned() {
+            Ok(place) => {
+                let (router, stop) = (router.clone(), stop.clone());
+                connections.spawn(async move {
+                    connection::serve(stream, router, limits, stop).await;
+                    drop(place);
+                });
+            }
+            Err(_) => drop(connections.spawn(connection::refuse(stream, limits.max))),
+        }
+    }
+    drop(listener);
+    connections.close();
+    connections.wait().await;
+}
+
+/// A connection that ended before it was accepted is its own affair; a lack of file descriptors lasts.
+async fn pause(error: &io::Error) {
+    if matches!(error.kind(), ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset | ErrorKind::ConnectionRefused)
+    {
+        return;
+    }
+    tracing::error!("no connection can be accepted: {error}");
+    tokio::time::sleep(BREATHER).await;
+}

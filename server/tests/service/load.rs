@@ -1,0 +1,212 @@
+//! What the service does when it is asked for more than it can do.
+
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use proto::{ErrorBody, ErrorCode};
+
+use crate::support::{Answer, Result, Service, bin, config};
+
+/// Query of the stand-in whose run takes longest: 64 × 2048.
+const SLOW: &str = "?model=hdl64e";
+
+/// A connection on which a request of so many bytes is under way, half of it sent.
+fn half_sent(service: &Service, bytes: usize) -> Result<TcpStream> {
+    let mut stream = TcpStream::connect(service.server.addr())?;
+    write!(stream, "POST /v1/scan HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {bytes}\r\n\r\n")?;
+    stream.write_all(&vec![0; bytes / 2])?;
+    Ok(stream)
+}
+
+/// What the service says on a connection until it closes it.
+fn rest(stream: &mut TcpStream) -> Result<String> {
+    stream.set_read_timeout(Some(Duration::from_secs(20)))?;
+    let mut text = String::new();
+    stream.read_to_string(&mut text)?;
+    Ok(text)
+}
+
+fn error_of(text: &str) -> Result<(u16, ErrorBody)> {
+    let (head, body) = text.split_once("\r\n\r\n").ok_or_else(|| format!("no answer: `{text}`"))?;
+    let status = head.split(' ').nth(1).ok_or("no status")?;
+    Ok((status.parse()?, serde_json::from_str(body)?))
+}
+
+#[test]
+fn who_finds_the_queue_full_is_turned_away_at_once_and_nobody_fails_otherwise() -> Result {
+    let mut config = config()?;
+    config.workers.queue = 1;
+    let service = Service::with(&config)?;
+    let body = bin()?;
+    service.scan(SLOW, &[], &body)?.success()?;
+    let ask = || -> std::result::Result<(Answer, Duration), String> {
+        let started = Instant::now();
+        let answer = service.scan(SLOW, &[], &body).map_err(|error| error.to_string())?;
+        Ok((answer, started.elapsed()))
+    };
+    let answers: Vec<_> = thread::scope(|scope| {
+        let clients: Vec<_> = (0..8).map(|_| scope.spawn(|| (0..10).map(|_| ask()).collect::<Vec<_>>())).collect();
+        clients.into_iter().flat_map(|client| client.join().unwrap_or_default()).collect()
+    });
+    assert_eq!(answers.len(), 80);
+    let mut refused = Vec::new();
+    for answer in answers {
+        let (answer, elapsed) = answer?;
+        if answer.status == 200 {
+            continue;
+        }
+        assert_eq!((answer.error()?.code, answer.header("retry-after")), (ErrorCode::Overloaded, "1"));
+        refused.push(elapsed);
+    }
+    assert!(!refused.is_empty() && refused.len() < 80, "{} of 80 were turned away", refused.len());
+    refused.sort();
+    // The machine that tests run on is as busy as the service; the median leaves that out.
+    assert!(refused[refused.len() / 2] < Duration::from_millis(5), "{refused:?}");
+    Ok(())
+}
+
+#[test]
+fn bodies_are_let_in_by_their_announced_length_and_the_others_told_to_wait() -> Result {
+    let mut config = config()?;
+    (config.requests.max_body_bytes, config.requests.max_inflight_bytes) = (200_000, 300_000);
+    // What is half sent stays so, however slow the machine.
+    config.requests.body_time = Duration::from_mins(10);
+    let service = Service::with(&config)?;
+    let body = bin()?;
+    assert_eq!(body.len(), 92_160);
+    let mut first = half_sent(&service, 192_000)?;
+    service.scan("", &[], &body)?.success()?;
+    let second = half_sent(&service, 96_000)?;
+    let until = Instant::now() + Duration::from_mins(1);
+    let refused = loop {
+        assert!(Instant::now() < until, "a third body is let in beside two that leave no room for it");
+        // The service has read the head of the second one as soon as a third one does not fit any more.
+        let answer = service.scan("", &[], &body)?;
+        if answer.status != 200 {
+            break answer;
+        }
+    };
+    assert_eq!(refused.error()?.code, ErrorCode::Overloaded);
+    assert!(refused.error()?.error.contains("bodies of 288000 bytes are under way"), "{}", refused.error()?.error);
+    drop(second);
+    first.write_all(&[0; 96_000])?;
+    assert!(rest(&mut first)?.starts_with("HTTP/1.1 422"), "all points lie at the origin");
+    service.scan("", &[], &body)?.success()?;
+    Ok(())
+}
+
+#[test]
+fn whoever_vanishes_leaves_nothing_behind() -> Result {
+    let mut config = config()?;
+    (config.requests.max_body_bytes, config.requests.max_inflight_bytes) = (200_000, 200_000);
+    config.workers.queue = 2;
+    let service = Service::with(&config)?;
+    let body = bin()?;
+    for i in 0..300 {
+        let mut stream = half_sent(&service, body.len())?;
+        if i % 2 == 0 {
+            stream.write_all(&body[body.len() / 2..])?;
+        }
+        if i % 3 == 0 {
+            stream.shutdown(Shutdown::Both)?;
+        }
+    }
+    // As large as the whole budget, so that nobody else can have a share of it.
+    let whole = vec![0; 200_000];
+    let until = Instant::now() + Duration::from_secs(10);
+    while service.scan("", &[], &whole)?.error()?.code == ErrorCode::Overloaded {
+        assert!(Instant::now() < until, "shares of the budget are lost");
+    }
+    service.scan("", &[], &body)?.success()?;
+    Ok(())
+}
+
+#[test]
+fn an_answer_that_would_come_too_late_is_504() -> Result {
+    let service = Service::start()?;
+    let body = bin()?;
+    service.scan(SLOW, &[], &body)?.success()?;
+    let late = service.scan(SLOW, &[("x-deadline-ms", "1")], &body)?;
+    assert_eq!(late.error()?.code, ErrorCode::DeadlineExceeded);
+    service.scan(SLOW, &[("x-deadline-ms", "20000")], &body)?.success()?;
+    Ok(())
+}
+
+#[test]
+fn of_a_live_stream_a_scan_that_waits_gives_way_to_a_later_one() -> Result {
+    let service = Service::start()?;
+    let body = bin()?;
+    service.scan(SLOW, &[], &body)?.success()?;
+    let live = |query: &str| service.scan(query, &[("x-stream-id", "ego"), ("x-stream-mode", "latest")], &body);
+    let mut gave_way = 0;
+    for _ in 0..20 {
+        let statuses = thread::scope(|scope| {
+            let after = |ms: u64| {
+                let live = &live;
+                scope.spawn(move || {
+                    thread::sleep(Duration::from_millis(ms));
+                    live(SLOW).map(|answer| answer.status).map_err(|error| error.to_string())
+                })
+            };
+            // One for the worker, one that waits, one that comes later.
+            let clients = [after(0), after(2), after(4)];
+            clients.map(|client| client.join().unwrap_or_else(|_| Err("a client panicked".into())))
+        });
+        for (i, status) in statuses.into_iter().enumerate() {
+            let status = status?;
+            assert!(status == 200 || (status == 409 && i < 2), "scan {i} of 3: {status}");
+            gave_way += usize::from(status == 409);
+        }
+        if gave_way > 0 {
+            return Ok(());
+        }
+    }
+    Err("in 20 tries no scan gave way to a later one".into())
+}
+
+#[test]
+fn slow_bodies_slow_heads_and_silence_are_not_waited_for() -> Result {
+    let mut config = config()?;
+    config.requests.body_time = Duration::from_millis(300);
+    config.connections.idle_time = Duration::from_millis(600);
+    let service = Service::with(&config)?;
+    let mut slow_body = half_sent(&service, 1000)?;
+    let (status, error) = error_of(&rest(&mut slow_body)?)?;
+    assert_eq!((status, error.code), (408, ErrorCode::BodyTooSlow));
+    assert!(error.error.contains("within 0.3 s"), "{}", error.error);
+
+    let started = Instant::now();
+    let mut silent = TcpStream::connect(service.server.addr())?;
+    let mut slow_head = TcpStream::connect(service.server.addr())?;
+    // The beginning of HTTP/2's preface tells not yet which version will be spoken.
+    let mut undecided = TcpStream::connect(service.server.addr())?;
+    slow_head.write_all(b"GET /info HTTP/1.1\r\nhost:")?;
+    undecided.write_all(b"PRI * HT")?;
+    for stream in [&mut silent, &mut slow_head, &mut undecided] {
+        let said = rest(stream)?;
+        assert!(said.is_empty() || said.starts_with("HTTP/1.1 4"), "{said}");
+    }
+    let elapsed = started.elapsed();
+    assert!(elapsed > Duration::from_millis(500) && elapsed < Duration::from_secs(10), "{elapsed:?}");
+    service.scan("", &[], &bin()?)?.success()?;
+    Ok(())
+}
+
+#[test]
+fn one_connection_too_many_is_told_so() -> Result {
+    let mut config = config()?;
+    config.connections.max = 2;
+    let service = Service::with(&config)?;
+    let open: Vec<TcpStream> = (0..2).map(|_| half_sent(&service, 1000)).collect::<Result<_>>()?;
+    let (status, error) = error_of(&rest(&mut half_sent(&service, 1000)?)?)?;
+    assert_eq!((status, error.code), (503, ErrorCode::TooManyConnections));
+    assert!(error.error.starts_with("2 connections are open already"), "{}", error.error);
+    drop(open);
+    let until = Instant::now() + Duration::from_secs(10);
+    while service.scan("", &[], &bin()?)?.status != 200 {
+        assert!(Instant::now() < until, "places for connections are lost");
+    }
+    Ok(())
+}
