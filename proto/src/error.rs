@@ -28,6 +28,8 @@ pub enum ErrorCode {
     BodyTooSlow,
     /// The body is not what its type says.
     MalformedScan,
+    /// The body is no request of the Open Inference Protocol.
+    MalformedTensors,
     /// No such route.
     RouteNotFound,
     /// No such model or version.
@@ -46,12 +48,16 @@ pub enum ErrorCode {
     UnsupportedEncoding,
     /// A well-formed scan that cannot be worked with.
     UnusableScan,
+    /// Tensors that the model does not take.
+    UnusableTensors,
     /// The scan has something that the format of the answer cannot hold.
     UnencodableAnswer,
     /// A later scan of the same stream has taken the place of this one, which still waited.
     Superseded,
-    /// More requests wait, or more bytes are under way, than the service lets; try again.
+    /// More requests wait than the service lets wait; try again.
     Overloaded,
+    /// More bytes are under way than the service has memory for; try again.
+    TooManyBytes,
     /// More connections are open than the service lets; try again.
     TooManyConnections,
     /// The answer would come after the deadline of the request.
@@ -68,7 +74,7 @@ impl ErrorCode {
     /// The HTTP status that goes with the code.
     pub const fn status(self) -> u16 {
         match self {
-            Self::BadQuery | Self::BadHeader | Self::BadBody | Self::MalformedScan => 400,
+            Self::BadQuery | Self::BadHeader | Self::BadBody | Self::MalformedScan | Self::MalformedTensors => 400,
             Self::RouteNotFound | Self::ModelNotFound => 404,
             Self::MethodNotAllowed => 405,
             Self::NotAcceptable => 406,
@@ -76,12 +82,22 @@ impl ErrorCode {
             Self::Superseded => 409,
             Self::BodyTooLarge | Self::TooManyPoints => 413,
             Self::UnsupportedMediaType | Self::UnsupportedEncoding => 415,
-            Self::UnusableScan | Self::UnencodableAnswer => 422,
-            Self::Overloaded => 429,
+            Self::UnusableScan | Self::UnusableTensors | Self::UnencodableAnswer => 422,
+            Self::Overloaded | Self::TooManyBytes => 429,
             Self::ModelFailed | Self::Internal => 500,
             Self::NotReady | Self::TooManyConnections => 503,
             Self::DeadlineExceeded => 504,
         }
+    }
+
+    /// The code's name, as in JSON.
+    pub fn name(self) -> String {
+        serde_json::to_value(self).ok().and_then(|name| Some(name.as_str()?.to_owned())).unwrap_or_default()
+    }
+
+    /// True if the request was turned away for what the service can, or may, take now, not for what it asked.
+    pub const fn is_rejection(self) -> bool {
+        matches!(self.status(), 408 | 409 | 413 | 429 | 503 | 504)
     }
 }
 
@@ -94,6 +110,7 @@ mod tests {
         let body = ErrorBody { error: "no".into(), code: ErrorCode::ModelNotFound, request_id: "7".into() };
         let json = r#"{"error":"no","code":"model_not_found","request_id":"7"}"#;
         assert_eq!(serde_json::to_string(&body)?, json);
+        assert_eq!(ErrorCode::ModelNotFound.name(), "model_not_found");
         assert_eq!(serde_json::from_str::<ErrorBody>(json)?, body);
         Ok(())
     }

@@ -10,6 +10,7 @@ use tokio::sync::OnceCell;
 use crate::model::Model;
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::repository::{Repository, RepositoryError};
+use crate::statistics::Statistics;
 use crate::worker::{Pool, Size};
 
 /// The workers of one model.
@@ -41,6 +42,8 @@ pub struct Offer {
     pub model: Arc<Model>,
     /// Its version.
     pub version: u64,
+    /// What became of the work that it was given.
+    pub statistics: Statistics,
     pool: OnceCell<ScanPool>,
 }
 
@@ -62,7 +65,9 @@ impl Catalogue {
     /// Reads every model of a repository. One that is damaged is left out, with a warning in the log, unless it is the newest version
     /// of the default model: then it is an error.
     pub fn read(repository: &Repository, default: &str, options: WorkerOptions) -> Result<Self, CatalogueError> {
-        let offer = |model: Model, version| Arc::new(Offer { model: model.into(), version, pool: OnceCell::new() });
+        let offer = |model: Model, version| {
+            Arc::new(Offer { model: model.into(), version, statistics: Statistics::default(), pool: OnceCell::new() })
+        };
         let mut models: BTreeMap<String, BTreeMap<u64, Arc<Offer>>> = BTreeMap::new();
         let newest = repository.read(default, None)?;
         let newest_version = newest.version.unwrap_or_default();
@@ -86,6 +91,11 @@ impl Catalogue {
     /// Name of the model that is used where none is named.
     pub fn default_model(&self) -> &str {
         &self.default
+    }
+
+    /// What the workers of each model are given.
+    pub fn options(&self) -> WorkerOptions {
+        self.options
     }
 
     /// Every model with its versions, oldest first.
@@ -133,6 +143,11 @@ impl Offer {
     /// True if a scan would be taken now; workers that have not started have nothing to do yet.
     pub(crate) fn has_room(&self) -> bool {
         self.pool.get().is_none_or(Pool::has_room)
+    }
+
+    /// Scans that wait; `None` where no workers have started.
+    pub(crate) fn waiting(&self) -> Option<usize> {
+        self.pool.get().map(Pool::waiting)
     }
 }
 

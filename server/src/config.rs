@@ -34,6 +34,8 @@ pub struct RequestLimits {
     pub max_body_bytes: usize,
     /// Points that a scan may have.
     pub max_points: usize,
+    /// Range images that a request for a generator alone may have.
+    pub max_batch: usize,
     /// Bytes that the bodies and answers of all requests under way may have; at least `max_body_bytes`.
     pub max_inflight_bytes: usize,
     /// Time that a body gets to arrive.
@@ -79,6 +81,7 @@ impl Default for RequestLimits {
         Self {
             max_body_bytes: 64 << 20,
             max_points: formats::Limits::default().max_points,
+            max_batch: 8,
             max_inflight_bytes: 256 << 20,
             body_time: Duration::from_secs(30),
         }

@@ -40,7 +40,10 @@ pub struct Chance {
     pub noise: Noise,
 }
 
-/// What a run gave, each output `[ring, column]`.
+/// The graph's outputs.
+pub(crate) const OUTPUTS: [&str; 3] = [tensor::RANGE, tensor::REFLECTANCE, tensor::KEEP];
+
+/// What a run gave, each output `[batch, 1, ring, column]`.
 pub(crate) struct Outputs<'r>(SessionOutputs<'r>);
 
 /// A run that failed.
@@ -90,24 +93,43 @@ impl Generator {
 
     /// Runs the model on what [`fill`](Self::fill) put in.
     pub(crate) fn run(&mut self) -> Result<Outputs<'_>, InferenceError> {
-        let pixels = self.rings * self.columns;
-        let shape = |block: &[f32]| [1, block.len() / pixels, self.rings, self.columns];
-        let scan = TensorRef::from_array_view((shape(&self.scan), &*self.scan))?;
-        let outputs = if self.noise.is_empty() {
-            self.session.run(ort::inputs![tensor::SCAN => scan])?
-        } else {
-            let noise = TensorRef::from_array_view((shape(&self.noise), &*self.noise))?;
-            self.session.run(ort::inputs![tensor::SCAN => scan, tensor::NOISE => noise])?
-        };
-        let expected = [1, 1, self.rings as i64, self.columns as i64];
-        for name in [tensor::RANGE, tensor::REFLECTANCE, tensor::KEEP] {
-            let (shape, _) = outputs[name].try_extract_tensor::<f32>()?;
-            if **shape != expected {
-                return Err(InferenceError::Shape { name, found: shape.to_vec(), expected: expected.to_vec() });
-            }
-        }
-        Ok(Outputs(outputs))
+        let size = [1, self.rings, self.columns];
+        run(&mut self.session, size, &self.scan, &self.noise)
     }
+
+    /// Runs the model on tensors of a size `[batch, ring, column]` of its own; `noise` is empty where the model has none.
+    pub(crate) fn run_on(
+        &mut self,
+        size: [usize; 3],
+        scan: &[f32],
+        noise: &[f32],
+    ) -> Result<Outputs<'_>, InferenceError> {
+        run(&mut self.session, size, scan, noise)
+    }
+}
+
+fn run<'s>(
+    session: &'s mut Session,
+    [batch, rings, columns]: [usize; 3],
+    scan: &[f32],
+    noise: &[f32],
+) -> Result<Outputs<'s>, InferenceError> {
+    let shape = |block: &[f32]| [batch, block.len() / (batch * rings * columns), rings, columns];
+    let scan = TensorRef::from_array_view((shape(scan), scan))?;
+    let outputs = if noise.is_empty() {
+        session.run(ort::inputs![tensor::SCAN => scan])?
+    } else {
+        let noise = TensorRef::from_array_view((shape(noise), noise))?;
+        session.run(ort::inputs![tensor::SCAN => scan, tensor::NOISE => noise])?
+    };
+    let expected = [batch as i64, 1, rings as i64, columns as i64];
+    for name in OUTPUTS {
+        let (shape, _) = outputs[name].try_extract_tensor::<f32>()?;
+        if **shape != expected {
+            return Err(InferenceError::Shape { name, found: shape.to_vec(), expected: expected.to_vec() });
+        }
+    }
+    Ok(Outputs(outputs))
 }
 
 impl Outputs<'_> {

@@ -14,14 +14,17 @@ mod generator;
 mod http;
 pub mod inspect;
 mod listen;
+mod metrics;
 pub mod model;
 pub mod onnx_file;
 pub mod pipeline;
 pub mod repository;
 mod sampled;
 pub mod serve;
+pub mod statistics;
 pub mod stopwatch;
 mod streams;
+mod tensors;
 pub mod worker;
 
 pub use catalogue::WorkerOptions;

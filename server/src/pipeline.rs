@@ -8,6 +8,7 @@ use lidar::formats::{self, Format, FormatError, Limits};
 use lidar::projection::{ProjectionError, Report};
 use lidar::{EmptyRays, PointCloud, Projection, Projector, RangeImage};
 use proto::Frame;
+use proto::open_inference::Tensor;
 use thiserror::Error;
 
 use crate::coverage::Coverage;
@@ -15,6 +16,7 @@ use crate::generator::{Chance, Generator, InferenceError};
 use crate::model::{Model, SessionError};
 use crate::sampled::{NotANumber, SampleError, Sampled};
 use crate::stopwatch::{Stage, StageTimes, Stopwatch};
+use crate::tensors::{self, TensorError};
 use crate::worker::Caller;
 
 /// A model, loaded and ready, with all the memory that a scan needs on its way.
@@ -156,6 +158,11 @@ impl Pipeline {
         let fit = self.transform(simulated, file.frame, file.chance, escort)?;
         formats::write(to, &self.realistic).map_err(ScanError::Encode)?;
         Ok(fit)
+    }
+
+    /// Runs the generator alone, on tensors that somebody else has made, in batches of at most `max_batch`.
+    pub(crate) fn generate(&mut self, inputs: &[Tensor], max_batch: usize) -> Result<Vec<Tensor>, TensorError> {
+        tensors::run(&self.model, &mut self.generator, inputs, max_batch)
     }
 
     /// The way of a scan between its decoding and its encoding; the result is `self.realistic`.

@@ -13,7 +13,7 @@ use tokio_util::sync::CancellationToken;
 use crate::catalogue::{Catalogue, CatalogueError};
 use crate::config::{Config, StopOptions};
 use crate::http::{self, App};
-use crate::listen::listen;
+use crate::listen::{Guests, listen};
 use crate::repository::Repository;
 
 /// A running service. Dropping it stops it.
@@ -70,7 +70,9 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let stop = CancellationToken::new();
     let (stopped, options) = (stop.clone(), config.stop);
     let end = CancellationToken::new();
-    let serving = listen(listener, http::router(Arc::clone(&app)), config.connections, end.clone());
+    let refused = app.metrics.refused_connections();
+    let guests = Guests { router: http::router(Arc::clone(&app)), limits: config.connections, refused };
+    let serving = listen(listener, guests, end.clone());
     let run = move || run(&runtime, serving, stop_in_order(app, stopped, end, options));
     let thread = thread::Builder::new().name("serve".into()).spawn(run)?;
     Ok(Server { addr, stop, thread: Some(thread) })

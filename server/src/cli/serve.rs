@@ -51,6 +51,9 @@ pub(super) struct Serve {
     /// Points that a scan may have; more is 413.
     #[arg(long, env = "REALBEAM_MAX_POINTS", default_value_t = RequestLimits::default().max_points)]
     max_points: usize,
+    /// Range images that a request for a generator alone may have; more is 422.
+    #[arg(long, env = "REALBEAM_MAX_BATCH", default_value_t = RequestLimits::default().max_batch, value_parser = positive)]
+    max_batch: usize,
     /// Bytes that all bodies and answers under way may have together; more is 429.
     #[arg(long, env = "REALBEAM_MAX_INFLIGHT_BYTES", default_value_t = RequestLimits::default().max_inflight_bytes)]
     max_inflight_bytes: usize,
@@ -100,6 +103,7 @@ impl Serve {
             requests: RequestLimits {
                 max_body_bytes: self.max_body_bytes,
                 max_points: self.max_points,
+                max_batch: self.max_batch,
                 max_inflight_bytes: self.max_inflight_bytes,
                 body_time: self.body_time_s,
             },

@@ -1,7 +1,5 @@
 //! The answer to a scan: its bytes, and headers that say what was done to it.
 
-use std::time::Duration;
-
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::Response;
@@ -9,7 +7,6 @@ use axum::response::Response;
 use super::scan::Wish;
 use crate::budget::Share;
 use crate::pipeline::ScanAnswer;
-use crate::stopwatch::Stage;
 
 /// The answer with its headers:
 ///
@@ -27,9 +24,7 @@ use crate::stopwatch::Stage;
 /// | `x-realbeam-grid-coverage` | share of the model's rings that have a point |
 /// | `x-realbeam-warning` | what to change if the scan does not fit the model's sensor |
 /// | `Server-Timing` | milliseconds a stage |
-pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, share: Share, wish: &Wish) -> Response {
-    let mut times = answer.times;
-    times.set(Stage::Queue, queued_for);
+pub(crate) fn response(answer: ScanAnswer, share: Share, wish: &Wish) -> Response {
     let numbers = [
         ("x-realbeam-seed", wish.seed),
         ("x-realbeam-model-version", wish.offer.version),
@@ -46,7 +41,7 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, share: Share, w
         ("x-realbeam-model-digest", Some(format!("sha256:{}", wish.offer.model.digest))),
         ("x-realbeam-grid-coverage", Some(format!("{:.4}", answer.fit.coverage.rings))),
         ("x-realbeam-warning", answer.fit.warning),
-        ("server-timing", Some(times.to_string())),
+        ("server-timing", Some(answer.times.to_string())),
     ];
     let mut response = Response::new(Body::from(on_its_way(answer.bytes, share)));
     let headers = response.headers_mut();
@@ -64,7 +59,7 @@ pub(crate) fn response(answer: ScanAnswer, queued_for: Duration, share: Share, w
 }
 
 /// Bytes that count as under way until the connection has let go of the last of them.
-fn on_its_way(bytes: Vec<u8>, mut share: Share) -> Bytes {
+pub(super) fn on_its_way(bytes: Vec<u8>, mut share: Share) -> Bytes {
     struct Held {
         bytes: Vec<u8>,
         _share: Share,

@@ -38,7 +38,7 @@ pub(super) fn admit(app: &App, headers: &HeaderMap, offer: &Offer) -> Result<Adm
     let announced = announced.map(|bytes| bytes as usize);
     let share = app.budget.take(announced.unwrap_or(limit)).ok_or_else(|| {
         let message = format!("bodies of {} bytes are under way already; try again later", app.budget.used());
-        ApiError::new(ErrorCode::Overloaded, message)
+        ApiError::new(ErrorCode::TooManyBytes, message)
     })?;
     Ok(Admitted { announced, share })
 }

@@ -1,17 +1,18 @@
-//! What every answer gets: a request id, a line in the log, and, if it is an error, its JSON body.
+//! What every answer gets: a request id, a line in the log, its place in the metrics, and, if it is an error, its JSON body.
 
 use std::hash::{BuildHasher, RandomState};
-use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 use axum::Json;
-use axum::extract::Request;
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use proto::{ErrorBody, ErrorCode};
 
+use super::App;
 use super::error::ApiError;
 
 /// Header of a request's id, in both directions.
@@ -21,20 +22,26 @@ pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 const MAX_ID_LENGTH: usize = 128;
 
 /// Runs the request and wraps its answer.
-pub(crate) async fn envelope(request: Request, next: Next) -> Response {
+pub(crate) async fn envelope(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let started = Instant::now();
     let id = taken_over(&request).unwrap_or_else(new_id);
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    // Routes are few; what is asked for besides may be anything.
+    let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
     let mut response = next.run(request).await;
     if let Some(error) = response.extensions_mut().remove::<ApiError>() {
+        if error.code.is_rejection() {
+            app.metrics.rejected(error.code.name());
+        }
         response = with_body(&response, &error, &id);
     }
     // An id is made of visible ASCII.
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, value);
     }
-    let status = response.status().as_u16();
-    let elapsed_ms = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
+    let (status, elapsed) = (response.status().as_u16(), started.elapsed());
+    app.metrics.answered(&route, status, elapsed);
+    let elapsed_ms = (elapsed.as_secs_f64() * 1e6).round() / 1e3;
     tracing::info!(request_id = id, %method, path, status, elapsed_ms, "answered");
     response
 }
@@ -49,7 +56,7 @@ fn with_body(bare: &Response, error: &ApiError, request_id: &str) -> Response {
     if let Some(allow) = bare.headers().get(header::ALLOW) {
         response.headers_mut().insert(header::ALLOW, allow.clone());
     }
-    if matches!(error.code, ErrorCode::Overloaded | ErrorCode::NotReady) {
+    if matches!(error.code, ErrorCode::Overloaded | ErrorCode::TooManyBytes | ErrorCode::NotReady) {
         response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     }
     response

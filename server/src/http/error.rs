@@ -4,10 +4,12 @@ use axum::response::{IntoResponse, Response};
 use lidar::formats::FormatError;
 use lidar::projection::ProjectionError;
 use proto::ErrorCode;
+use proto::open_inference::RequestError;
 
 use crate::catalogue::CatalogueError;
 use crate::pipeline::ScanError;
 use crate::repository::RepositoryError;
+use crate::tensors::TensorError;
 use crate::worker::PoolError;
 
 /// What a handler answers when it cannot do what was asked. [`envelope`](super::envelope) gives it the request's id and its JSON.
@@ -68,6 +70,21 @@ fn decode_code(error: &FormatError) -> ErrorCode {
             ErrorCode::UnusableScan
         }
         _ => ErrorCode::MalformedScan,
+    }
+}
+
+impl From<RequestError> for ApiError {
+    fn from(error: RequestError) -> Self {
+        Self::new(ErrorCode::MalformedTensors, error.to_string())
+    }
+}
+
+impl From<TensorError> for ApiError {
+    fn from(error: TensorError) -> Self {
+        match error {
+            TensorError::Inputs { .. } => Self::new(ErrorCode::UnusableTensors, error.to_string()),
+            TensorError::Infer(_) => Self::hidden(ErrorCode::ModelFailed, &error),
+        }
     }
 }
 

@@ -5,10 +5,12 @@ mod body;
 mod envelope;
 mod error;
 mod info;
-mod models;
+mod metrics;
+mod open_inference;
 mod query;
 mod scan;
 mod terms;
+mod work;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,6 +26,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use crate::budget::Budget;
 use crate::catalogue::Catalogue;
 use crate::config::RequestLimits;
+use crate::metrics::Metrics;
 use crate::streams::Streams;
 use error::ApiError;
 
@@ -36,13 +39,15 @@ pub(crate) struct App {
     pub(crate) budget: Budget,
     /// Streams of which only the latest scan counts.
     pub(crate) streams: Arc<Streams>,
+    pub(crate) metrics: Metrics,
     draining: AtomicBool,
 }
 
 impl App {
     pub(crate) fn new(catalogue: Catalogue, limits: RequestLimits) -> Self {
         let budget = Budget::new(limits.max_inflight_bytes);
-        Self { catalogue, limits, budget, streams: Arc::default(), draining: AtomicBool::new(false) }
+        let metrics = Metrics::new();
+        Self { catalogue, limits, budget, streams: Arc::default(), metrics, draining: AtomicBool::new(false) }
     }
 
     pub(crate) fn is_ready(&self) -> bool {
@@ -59,20 +64,20 @@ impl App {
 pub(crate) fn router(app: Arc<App>) -> Router {
     Router::new()
         .route("/v1/scan", post(scan::scan))
-        .route("/v2/health/live", get(models::live))
-        .route("/v2/health/ready", get(models::ready))
-        .route("/v2/models/{model}", get(models::metadata))
         .route("/info", get(info::info))
+        .route("/metrics", get(metrics::metrics))
+        .merge(open_inference::router())
         .fallback(no_such_route)
         .method_not_allowed_fallback(other_method)
-        .with_state(app)
+        .with_state(Arc::clone(&app))
         .layer(CatchPanicLayer::custom(panicked))
-        .layer(middleware::from_fn(envelope::envelope))
+        .layer(middleware::from_fn_with_state(app, envelope::envelope))
 }
 
 async fn no_such_route(request: Request) -> ApiError {
     body::discard(request.into_body()).await;
-    let routes = "POST /v1/scan, GET /v2/health/live, GET /v2/health/ready, GET /v2/models/{model}, GET /info";
+    let routes =
+        "POST /v1/scan, GET /v2/health/live, GET /v2/health/ready, GET /v2/models/{model}, GET /info, GET /metrics";
     ApiError::new(ErrorCode::RouteNotFound, format!("no such route; there are {routes}"))
 }
 

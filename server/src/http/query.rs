@@ -1,5 +1,7 @@
 //! The query of `POST /v1/scan`.
 
+use axum::extract::Query;
+use axum::http::Uri;
 use lidar::label::CarlaTags;
 use proto::{ErrorCode, Frame};
 
@@ -17,6 +19,12 @@ pub(crate) struct ScanQuery {
     pub(crate) frame: Option<Frame>,
     /// `None` means CARLA's newest table.
     pub(crate) tags: Option<CarlaTags>,
+}
+
+/// The pairs of a query.
+pub(super) fn pairs(uri: &Uri) -> Result<Vec<(String, String)>, ApiError> {
+    let pairs = Query::try_from_uri(uri).map_err(|error| ApiError::new(ErrorCode::BadQuery, error.body_text()))?;
+    Ok(pairs.0)
 }
 
 /// Keys that a query may have.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use axum::extract::{Query, Request, State};
+use axum::extract::{Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use axum::response::Response;
@@ -11,7 +11,7 @@ use lidar::label::CarlaTags;
 use proto::{ErrorCode, MediaType};
 
 use super::error::ApiError;
-use super::query::ScanQuery;
+use super::query::{self, ScanQuery};
 use super::terms::Terms;
 use super::{App, answer, body};
 use crate::catalogue::Offer;
@@ -58,31 +58,15 @@ pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Resul
             carla_tags: wish.query.tags.unwrap_or(CarlaTags::Since0914),
         },
     };
-    let (place, superseded) = wish.terms.enter(&app.streams);
-    let work = async {
-        let pool = app.catalogue.pool(&wish.offer).await?;
-        let run = move |pipeline: &mut Pipeline, caller: Caller<'_>| {
-            drop(place);
-            pipeline.run(&job, caller)
-        };
-        Ok::<_, ApiError>(pool.run(run).await?)
-    };
-    let done = wish.terms.wait(superseded, work).await?;
-    Ok(answer::response(done.output?, done.queued_for, share, &wish))
+    let work = move |pipeline: &mut Pipeline, caller: Caller<'_>| Ok(pipeline.run(&job, caller)?);
+    let answer = app.work(&wish.offer, &wish.terms, work).await?;
+    Ok(answer::response(answer, share, &wish))
 }
 
 impl Wish {
     fn read(app: &App, head: &Parts) -> Result<Self, ApiError> {
-        let pairs = Query::<Vec<(String, String)>>::try_from_uri(&head.uri);
-        let Query(pairs) = pairs.map_err(|error| ApiError::new(ErrorCode::BadQuery, error.body_text()))?;
-        let (query, terms) = (ScanQuery::parse(&pairs)?, Terms::read(&head.headers)?);
-        let seed = match (query.seed, terms.seed) {
-            (Some(query), Some(header)) if query != header => {
-                let message = format!("header x-seed is `{header}`, but query key `seed` is `{query}`");
-                return Err(ApiError::new(ErrorCode::BadHeader, message));
-            }
-            (query, header) => query.or(header).unwrap_or_default(),
-        };
+        let (query, terms) = (ScanQuery::parse(&query::pairs(&head.uri)?)?, Terms::read(&head.headers)?);
+        let seed = terms.seed_with(query.seed)?;
         let (content, accepted) = media_types(&head.headers)?;
         let offer = app.catalogue.find(query.model.as_deref(), query.version)?;
         Ok(Self { content, accepted, offer: Arc::clone(offer), query, terms, seed })

@@ -65,6 +65,17 @@ impl Terms {
         })
     }
 
+    /// The seed, given the query's.
+    pub(crate) fn seed_with(&self, query: Option<u64>) -> Result<u64, ApiError> {
+        match (query, self.seed) {
+            (Some(query), Some(header)) if query != header => {
+                let message = format!("header x-seed is `{header}`, but query key `seed` is `{query}`");
+                Err(ApiError::new(ErrorCode::BadHeader, message))
+            }
+            (query, header) => Ok(query.or(header).unwrap_or_default()),
+        }
+    }
+
     /// Takes the stream's place where only its latest scan counts.
     pub(crate) fn enter(&self, streams: &Arc<Streams>) -> (Option<Place>, Option<Superseded>) {
         match &self.stream {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
+use prometheus_client::metrics::counter::Counter;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
@@ -18,8 +19,16 @@ use crate::config::ConnectionLimits;
 /// Pause after the system had no resources for a connection.
 const BREATHER: Duration = Duration::from_millis(200);
 
+/// How connections are received.
+pub(crate) struct Guests {
+    pub(crate) router: Router,
+    pub(crate) limits: ConnectionLimits,
+    /// Counts those that were one too many.
+    pub(crate) refused: Counter,
+}
+
 /// Serves connections until `stop`, then until the last request under way is answered.
-pub(crate) async fn listen(listener: TcpListener, router: Router, limits: ConnectionLimits, stop: CancellationToken) {
+pub(crate) async fn listen(listener: TcpListener, Guests { router, limits, refused }: Guests, stop: CancellationToken) {
     let (connections, places) = (TaskTracker::new(), Arc::new(Semaphore::new(limits.max)));
     loop {
         let accepted = tokio::select! {
@@ -43,7 +52,10 @@ pub(crate) async fn listen(listener: TcpListener, router: Router, limits: Connec
                     drop(place);
                 });
             }
-            Err(_) => drop(connections.spawn(connection::refuse(stream, limits.max))),
+            Err(_) => {
+                refused.inc();
+                connections.spawn(connection::refuse(stream, limits.max));
+            }
         }
     }
     drop(listener);

@@ -88,7 +88,7 @@ fn bodies_are_let_in_by_their_announced_length_and_the_others_told_to_wait() -> 
             break answer;
         }
     };
-    assert_eq!(refused.error()?.code, ErrorCode::Overloaded);
+    assert_eq!((refused.error()?.code, refused.header("retry-after")), (ErrorCode::TooManyBytes, "1"));
     assert!(refused.error()?.error.contains("bodies of 288000 bytes are under way"), "{}", refused.error()?.error);
     drop(second);
     first.write_all(&[0; 96_000])?;
@@ -116,7 +116,7 @@ fn whoever_vanishes_leaves_nothing_behind() -> Result {
     // As large as the whole budget, so that nobody else can have a share of it.
     let whole = vec![0; 200_000];
     let until = Instant::now() + Duration::from_secs(10);
-    while service.scan("", &[], &whole)?.error()?.code == ErrorCode::Overloaded {
+    while service.scan("", &[], &whole)?.error()?.code == ErrorCode::TooManyBytes {
         assert!(Instant::now() < until, "shares of the budget are lost");
     }
     service.scan("", &[], &body)?.success()?;

@@ -7,5 +7,7 @@ mod conversion;
 mod errors;
 mod formats;
 mod load;
+mod metrics;
 mod models;
+mod open_inference;
 mod support;

@@ -63,7 +63,11 @@ impl Service {
 
     /// Posts a scan: `query` with its question mark, headers as (name, value).
     pub(crate) fn scan(&self, query: &str, headers: &[(&str, &str)], body: &[u8]) -> Result<Answer> {
-        let mut request = self.agent.post(self.url(&format!("/v1/scan{query}")));
+        self.post(&format!("/v1/scan{query}"), headers, body)
+    }
+
+    pub(crate) fn post(&self, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Result<Answer> {
+        let mut request = self.agent.post(self.url(path));
         if !headers.iter().any(|(name, _)| name.eq_ignore_ascii_case("content-type")) {
             request = request.content_type("application/octet-stream");
         }

@@ -1,0 +1,62 @@
+//! The model that a path names.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use axum::extract::{FromRequestParts, Path};
+use axum::http::request::Parts;
+use proto::ErrorCode;
+
+use super::super::App;
+use super::super::error::ApiError;
+use crate::catalogue::Offer;
+
+/// Name of the pipeline among the models.
+pub(super) const PIPELINE: &str = "scan";
+
+/// Name of the pipeline's input and of its output.
+pub(super) const POINTS: &str = "POINTS";
+
+/// A model of the protocol.
+#[derive(Debug)]
+pub(super) struct Named {
+    /// Its name there.
+    pub(super) name: String,
+    /// True for the pipeline, whose generator is the default model unless the query names another.
+    pub(super) is_pipeline: bool,
+    pub(super) offer: Arc<Offer>,
+}
+
+/// What the path says.
+#[derive(Debug)]
+pub(super) struct InPath {
+    name: String,
+    version: Option<u64>,
+}
+
+impl FromRequestParts<Arc<App>> for InPath {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, state: &Arc<App>) -> Result<Self, ApiError> {
+        let not_text = |error| ApiError::new(ErrorCode::ModelNotFound, format!("path: {error}"));
+        let Path(mut segments) =
+            Path::<HashMap<String, String>>::from_request_parts(parts, state).await.map_err(not_text)?;
+        let name = segments.remove("model").unwrap_or_default();
+        let version = segments.remove("version").map(|version| {
+            let unknown =
+                |_| ApiError::new(ErrorCode::ModelNotFound, format!("version `{version}` is no whole number"));
+            version.parse().map_err(unknown)
+        });
+        Ok(Self { name, version: version.transpose()? })
+    }
+}
+
+impl InPath {
+    /// The model, with `generator` in the pipeline.
+    pub(super) fn find(self, app: &App, generator: Option<&str>) -> Result<Named, ApiError> {
+        let is_pipeline = self.name == PIPELINE;
+        let generator = if is_pipeline { generator } else { Some(&*self.name) };
+        let offer = Arc::clone(app.catalogue.find(generator, self.version)?);
+        Ok(Named { name: self.name, is_pipeline, offer })
+    }
+}

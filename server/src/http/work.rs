@@ -1,0 +1,58 @@
+//! Work for a model's workers, from the moment a request's body is there.
+
+use std::time::Instant;
+
+use super::App;
+use super::error::ApiError;
+use super::terms::Terms;
+use crate::catalogue::Offer;
+use crate::pipeline::{Fit, Pipeline, ScanAnswer};
+use crate::stopwatch::{Stage, StageTimes};
+use crate::worker::Caller;
+
+/// What work gives.
+pub(crate) trait Output: Send + 'static {
+    /// Time by stage.
+    fn times(&mut self) -> &mut StageTimes;
+
+    /// Of a scan, how it fitted the model.
+    fn fit(&self) -> Option<&Fit>;
+}
+
+impl App {
+    /// Has a model's workers do something, on the terms of a request, and books it.
+    pub(crate) async fn work<O: Output>(
+        &self,
+        offer: &Offer,
+        terms: &Terms,
+        work: impl FnOnce(&mut Pipeline, Caller<'_>) -> Result<O, ApiError> + Send + 'static,
+    ) -> Result<O, ApiError> {
+        let started = Instant::now();
+        let (place, superseded) = terms.enter(&self.streams);
+        let running = async {
+            let pool = self.catalogue.pool(offer).await?;
+            let begin = move |pipeline: &mut Pipeline, caller: Caller<'_>| {
+                drop(place);
+                work(pipeline, caller)
+            };
+            Ok::<_, ApiError>(pool.run(begin).await?)
+        };
+        let done = terms.wait(superseded, running).await?;
+        let mut output = done.output.inspect_err(|_| offer.statistics.failed(started.elapsed()))?;
+        output.times().set(Stage::Queue, done.queued_for);
+        let times = *output.times();
+        offer.statistics.succeeded(&times);
+        self.metrics.worked(&times, output.fit());
+        Ok(output)
+    }
+}
+
+impl Output for ScanAnswer {
+    fn times(&mut self) -> &mut StageTimes {
+        &mut self.times
+    }
+
+    fn fit(&self) -> Option<&Fit> {
+        Some(&self.fit)
+    }
+}
