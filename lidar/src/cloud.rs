@@ -1,6 +1,10 @@
 //! A point cloud: one column a field, all columns of one length.
 
+use std::sync::Arc;
+
 use thiserror::Error;
+
+use crate::formats::RosMessage;
 
 /// One scan's points in the sensor's frame: x ahead, y left, z up, in metres.
 ///
@@ -27,6 +31,8 @@ pub struct PointCloud {
     pub return_number: Option<Vec<u8>>,
     /// Every other field of the source, in its order.
     pub extra: Vec<Column>,
+    /// The ROS message that the cloud came in, without its points.
+    pub ros: Option<Arc<RosMessage>>,
 }
 
 /// A field that the library gives no meaning to, carried along.
@@ -196,6 +202,7 @@ impl PointCloud {
         gather_option(&mut self.label, from.label.as_deref(), indices);
         gather_option(&mut self.time_s, from.time_s.as_deref(), indices);
         gather_option(&mut self.return_number, from.return_number.as_deref(), indices);
+        self.ros.clone_from(&from.ros);
         self.extra.truncate(from.extra.len());
         for (i, column) in from.extra.iter().enumerate() {
             if i == self.extra.len() {

@@ -160,6 +160,13 @@ fn seeds(format: Format) -> Result<Vec<Vec<u8>>, FormatError> {
             plain[8] = (plain.len() - 10 - 64) as u8;
             seeds.push(plain);
         }
+        Format::PointCloud2 => {
+            let golden = |name: &str| fs::read(format!("{}/tests/data/{name}.cdr", env!("CARGO_MANIFEST_DIR")));
+            for name in ["xyzirc_big_endian_message", "ouster_organised", "every_datatype"] {
+                let io = |source| FormatError::Io { path: name.into(), source };
+                seeds.push(golden(name).map_err(io)?);
+            }
+        }
         Format::Las | Format::Laz => {
             for point_format in [1, 3, 8] {
                 seeds.push(

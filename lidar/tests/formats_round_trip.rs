@@ -66,7 +66,7 @@ fn cloud() -> impl Strategy<Value = PointCloud> {
             extra(points),
         )
             .prop_map(|((x, y, z, (intensity, full_scale)), ring, label, time_s, return_number, extra)| {
-                PointCloud { x, y, z, intensity, full_scale, ring, label, time_s, return_number, extra }
+                PointCloud { x, y, z, intensity, full_scale, ring, label, time_s, return_number, extra, ros: None }
             })
     })
 }
@@ -173,6 +173,18 @@ proptest! {
     #[test]
     fn laz_keeps_every_field_and_a_tenth_of_a_millimetre(cloud in cloud()) {
         las_keeps_every_field(Format::Laz, &cloud)?;
+    }
+
+    #[test]
+    fn ros_messages_keep_every_field_and_guess_the_scale(cloud in cloud()) {
+        let mut cloud = cloud;
+        // 64-bit integers become doubles.
+        cloud.extra.retain(|column| !matches!(column.values, Values::I64(_) | Values::U64(_)));
+        let read = there_and_back(Format::PointCloud2, &cloud)?;
+        same_coordinates(&read, &cloud)?;
+        same_fields(&read, &cloud)?;
+        // Now it has a layout of its own, and keeps it.
+        prop_assert_eq!(there_and_back(Format::PointCloud2, &read)?.ros, read.ros);
     }
 
     #[test]

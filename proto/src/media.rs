@@ -30,7 +30,7 @@ pub enum Frame {
 /// Every type that the service reads and writes; the first one is the default.
 ///
 /// The types named after CARLA hold what its sensors give (`raw_data`), in CARLA's frame.
-pub const MEDIA_TYPES: [MediaType; 12] = [
+pub const MEDIA_TYPES: [MediaType; 13] = [
     MediaType::ros("application/octet-stream", Format::Kitti),
     MediaType::ros("application/vnd.kitti.bin", Format::Kitti),
     MediaType::carla("application/vnd.carla.lidar", Format::Kitti),
@@ -43,6 +43,7 @@ pub const MEDIA_TYPES: [MediaType; 12] = [
     MediaType::ros("application/x-pcd", Format::Pcd),
     MediaType::ros("application/x-npy", Format::Npy),
     MediaType::ros("application/x-npz", Format::Npz),
+    MediaType::ros("application/cdr", Format::PointCloud2),
 ];
 
 /// A `Content-Type` that is none of [`MEDIA_TYPES`].

@@ -1,5 +1,6 @@
 //! Which of a file's columns means what: from named columns to a cloud.
 
+use super::number::{NumberType, Numbers};
 use super::{FormatError, Limits, carla};
 use crate::PointCloud;
 use crate::cloud::{Column, Values};
@@ -11,6 +12,9 @@ const LABEL: &[&str] = &["label", "semantic", "class", "classification"];
 const TIME: &[&str] = &["time", "time_s", "t", "timestamp", "time_stamp"];
 // `return_type` is not here: its numbers (Nebula, Autoware) are an enumeration of modes, not the place in the pulse.
 const RETURN_NUMBER: &[&str] = &["return_number", "return"];
+
+/// Nanoseconds a second.
+const NANOSECONDS: f64 = 1e9;
 
 /// Past this distance neighbouring `f32` are more than a millimetre apart.
 const MILLIMETRE_RANGE_M: f64 = 16_384.0;
@@ -51,6 +55,34 @@ pub(super) fn cloud_of(
     cloud.extra = columns.0;
     carla::label_by_tag(&mut cloud, limits.carla_tags);
     Ok(cloud)
+}
+
+/// What reading took out of a file's column of this name, for a file to be written with the same column of this type. Integer times
+/// are nanoseconds, as they are read.
+pub(super) fn named<'a>(cloud: &'a PointCloud, name: &str, number_type: NumberType) -> Option<Numbers<'a>> {
+    let is = |names: &[&str]| names.iter().any(|known| known.eq_ignore_ascii_case(name));
+    if is(&["x"]) {
+        Some(Numbers::F32((&cloud.x).into()))
+    } else if is(&["y"]) {
+        Some(Numbers::F32((&cloud.y).into()))
+    } else if is(&["z"]) {
+        Some(Numbers::F32((&cloud.z).into()))
+    } else if is(INTENSITY) {
+        Some(Numbers::F32((&cloud.intensity).into()))
+    } else if is(RING) {
+        cloud.ring.as_ref().map(|ring| Numbers::U16(ring.into()))
+    } else if is(LABEL) {
+        cloud.label.as_ref().map(|label| Numbers::U32(label.into()))
+    } else if is(RETURN_NUMBER) {
+        cloud.return_number.as_ref().map(|number| Numbers::U8(number.into()))
+    } else if is(TIME) {
+        let seconds = cloud.time_s.as_ref()?;
+        let is_float = matches!(number_type, NumberType::F32 | NumberType::F64);
+        let nanoseconds = || seconds.iter().map(|time_s| time_s * NANOSECONDS).collect::<Vec<_>>();
+        Some(Numbers::F64(if is_float { seconds.into() } else { nanoseconds().into() }))
+    } else {
+        None
+    }
 }
 
 /// The columns of a file that have no meaning yet.
@@ -139,7 +171,7 @@ fn seconds(times: &Values) -> Option<Vec<f64>> {
     if matches!(times, Values::F32(_) | Values::F64(_)) {
         return are_seconds(&values).then_some(values);
     }
-    (1e7..=1e10).contains(&(last - first)).then(|| values.iter().map(|time| time / 1e9).collect())
+    (1e7..=1e10).contains(&(last - first)).then(|| values.iter().map(|time| time / NANOSECONDS).collect())
 }
 
 /// True where floats are small enough to be seconds, if only since 1970.
@@ -149,7 +181,7 @@ pub(super) fn are_seconds(times: &[f64]) -> bool {
 
 /// True where the times in the file can be told from the seconds: not so for 64-bit nanoseconds since 1970.
 fn is_recoverable(times: &Values, seconds: &[f64]) -> bool {
-    let same = |(nanoseconds, seconds): (i128, &f64)| (seconds * 1e9).round() as i128 == nanoseconds;
+    let same = |(nanoseconds, seconds): (i128, &f64)| (seconds * NANOSECONDS).round() as i128 == nanoseconds;
     match times {
         Values::I64(times) => times.iter().map(|&t| i128::from(t)).zip(seconds).all(same),
         Values::U64(times) => times.iter().map(|&t| i128::from(t)).zip(seconds).all(same),

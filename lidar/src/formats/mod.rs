@@ -18,6 +18,7 @@ mod number;
 mod nuscenes;
 mod pcd;
 mod ply;
+mod point_cloud2;
 mod record;
 mod text;
 mod zip;
@@ -30,6 +31,7 @@ use crate::label::CarlaTags;
 pub use error::FormatError;
 pub use io::{read, write, write_atomically};
 pub use labels::{decode_labels, encode_labels};
+pub use point_cloud2::RosMessage;
 
 /// A point cloud file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -52,11 +54,13 @@ pub enum Format {
     Npy,
     /// Several `NumPy` arrays in a ZIP archive.
     Npz,
+    /// ROS 2's `sensor_msgs/msg/PointCloud2`, serialised as CDR.
+    PointCloud2,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Kitti,
         Self::NuScenes,
         Self::CarlaSemantic,
@@ -66,6 +70,7 @@ impl Format {
         Self::Pcd,
         Self::Npy,
         Self::Npz,
+        Self::PointCloud2,
     ];
 
     /// The format that a file's name tells, whatever its case; `None` where it tells none.
@@ -89,6 +94,7 @@ impl Format {
             Self::Pcd => "pcd",
             Self::Npy => "npy",
             Self::Npz => "npz",
+            Self::PointCloud2 => "point-cloud2",
         }
     }
 
@@ -109,6 +115,7 @@ impl Format {
             Self::Pcd => "pcd",
             Self::Npy => "npy",
             Self::Npz => "npz",
+            Self::PointCloud2 => "cdr",
         }
     }
 }
@@ -146,6 +153,7 @@ pub fn decode(format: Format, bytes: &[u8], limits: &Limits) -> Result<PointClou
         Format::Pcd => pcd::decode(bytes, limits),
         Format::Npy => npy::decode(bytes, limits),
         Format::Npz => npz::decode(bytes, limits),
+        Format::PointCloud2 => point_cloud2::decode(bytes, limits),
     }?;
     cloud.check()?;
     Ok(cloud)
@@ -154,7 +162,7 @@ pub fn decode(format: Format, bytes: &[u8], limits: &Limits) -> Result<PointClou
 /// Writes a cloud with every field that the format can carry.
 ///
 /// KITTI carries x, y, z and intensity; nuScenes the ring besides; CARLA's semantic lidar labels instead of intensity. All others carry
-/// every field: PLY turns 64-bit integers into doubles, LAS rounds coordinates to 0.1 mm.
+/// every field: PLY and ROS messages turn 64-bit integers into doubles, LAS rounds coordinates to 0.1 mm.
 pub fn encode(format: Format, cloud: &PointCloud) -> Result<Vec<u8>, FormatError> {
     cloud.check()?;
     match format {
@@ -167,6 +175,7 @@ pub fn encode(format: Format, cloud: &PointCloud) -> Result<Vec<u8>, FormatError
         Format::Pcd => Ok(pcd::encode(cloud)),
         Format::Npy => npy::encode(cloud),
         Format::Npz => npz::encode(cloud),
+        Format::PointCloud2 => point_cloud2::encode(cloud),
     }
 }
 

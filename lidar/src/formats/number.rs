@@ -49,6 +49,19 @@ pub(super) enum Numbers<'a> {
     F64(Cow<'a, [f64]>),
 }
 
+/// A double in another type, the nearest that it has.
+macro_rules! from_double {
+    (F32 $float:ty, $double:expr) => {
+        $double as $float
+    };
+    (F64 $float:ty, $double:expr) => {
+        $double
+    };
+    ($kind:ident $whole:ty, $double:expr) => {
+        $double.round() as $whole
+    };
+}
+
 macro_rules! for_every_type {
     ($($kind:ident $number:ty),*) => {
         impl NumberType {
@@ -87,12 +100,17 @@ macro_rules! for_every_type {
                 match self { $(Self::$kind(_) => NumberType::$kind,)* }
             }
 
-            /// Writes each number, little-endian, into its record.
-            pub(super) fn write(&self, records: &mut [u8], stride: usize, offset: usize) {
+            /// Writes each number into the lane of its record.
+            pub(super) fn write_lane(&self, records: &mut [u8], lane: Lane) {
                 match self {
                     $(Self::$kind(numbers) => {
-                        for (record, number) in records.chunks_exact_mut(stride).zip(numbers.iter()) {
-                            record[offset..offset + size_of::<$number>()].copy_from_slice(&number.to_le_bytes());
+                        const BYTES: usize = size_of::<$number>();
+                        let to_bytes = match lane.endian {
+                            Endian::Little => <$number>::to_le_bytes,
+                            Endian::Big => <$number>::to_be_bytes,
+                        };
+                        for (record, number) in records.chunks_exact_mut(lane.stride).zip(numbers.iter()) {
+                            record[lane.offset..lane.offset + BYTES].copy_from_slice(&to_bytes(*number));
                         }
                     })*
                 }
@@ -104,6 +122,26 @@ macro_rules! for_every_type {
             }
         }
 
+        impl<'a> Numbers<'a> {
+            /// The same numbers in another type: whole ones are rounded, and held to what the type has.
+            pub(super) fn converted(self, to: NumberType) -> Self {
+                if self.number_type() == to {
+                    return self;
+                }
+                let doubles = self.into_doubles();
+                match to {
+                    $(NumberType::$kind => Self::$kind(doubles.into_iter().map(|double| from_double!($kind $number, double)).collect()),)*
+                }
+            }
+
+            /// The numbers as doubles; exact but for 64-bit integers past 2⁵³.
+            // The macro's body serves every type, `f64` among them.
+            #[allow(clippy::unnecessary_cast)]
+            fn into_doubles(self) -> Vec<f64> {
+                match self { $(Self::$kind(numbers) => numbers.iter().map(|&number| number as f64).collect(),)* }
+            }
+        }
+
         impl<'a> From<&'a Values> for Numbers<'a> {
             fn from(values: &'a Values) -> Self {
                 match values { $(Values::$kind(numbers) => Self::$kind(Cow::Borrowed(numbers)),)* }
@@ -112,6 +150,13 @@ macro_rules! for_every_type {
     };
 }
 for_every_type!(I8 i8, U8 u8, I16 i16, U16 u16, I32 i32, U32 u32, I64 i64, U64 u64, F32 f32, F64 f64);
+
+impl Numbers<'_> {
+    /// Writes each number, little-endian, into its record.
+    pub(super) fn write(&self, records: &mut [u8], stride: usize, offset: usize) {
+        self.write_lane(records, Lane { stride, offset, endian: Endian::Little });
+    }
+}
 
 /// The lane of each record as one new column.
 pub(super) fn column(number_type: NumberType, records: &[u8], lane: Lane) -> Values {
