@@ -61,6 +61,19 @@ pub fn scan(image: &RangeImage) -> Result<Vec<u8>, PictureError> {
     encode(&sheet(&[[range], [reflectance]], &[["range"], ["reflectance"]]))
 }
 
+/// The middle half turns of several scans side by side, each with its caption, as one PNG: range above, reflectance below.
+///
+/// # Panics
+/// If there is none, or they differ in size.
+pub fn beside<const N: usize>(scans: &[(&RangeImage, &str); N]) -> Result<Vec<u8>, PictureError> {
+    let size = |image: &RangeImage| (image.rings(), image.columns());
+    assert!(scans.iter().all(|(image, _)| size(image) == size(scans[0].0)), "images of one size");
+    let range = scans.map(|(image, _)| panel(image, |i| range_colour(image.range_m()[i])));
+    let reflectance = scans.map(|(image, _)| panel(image, |i| reflectance_colour(image, i)));
+    let captions = scans.map(|(_, caption)| caption);
+    encode(&sheet(&[range, reflectance], &[captions, captions.map(|_| "reflectance")]))
+}
+
 /// Colour of a range: Turbo over the logarithm from 2 m (red) to 100 m (blue).
 ///
 /// Turbo: Anton Mikhailov, "Turbo, An Improved Rainbow Colormap for Visualization", Google AI Blog 2019, polynomial form.

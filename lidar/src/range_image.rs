@@ -162,6 +162,23 @@ impl RangeImage {
         }
         out
     }
+
+    /// The image on a coarser grid of columns: each coarse pixel takes the fine pixel in its middle, return or none, so that as many rays
+    /// are lost as before.
+    #[must_use]
+    pub fn pick_columns(&self, columns: usize) -> Self {
+        let mut out = Self::empty(self.rings, columns);
+        for ring in 0..self.rings {
+            for column in 0..columns {
+                let from = ring * self.columns + (2 * column + 1) * self.columns / (2 * columns);
+                if self.range_m[from] > 0.0 {
+                    let (reflectance, class) = (self.reflectance[from], self.class[from]);
+                    out.set(ring * columns + column, self.range_m[from], reflectance, class);
+                }
+            }
+        }
+        out
+    }
 }
 
 #[cfg(test)]
@@ -175,6 +192,15 @@ mod tests {
         assert_eq!(coarse.range_m(), [5.0, 7.0]);
         assert_eq!(coarse.reflectance(), [0.5, 0.7]);
         assert_eq!(image.resample_columns(4), image);
+    }
+
+    #[test]
+    fn picked_columns_lose_as_many_rays_as_all() {
+        let range_m = vec![9.0, 5.0, 0.0, 7.0, 0.0, 2.0];
+        let image = RangeImage::from_channels(6, range_m, vec![0.5; 6], vec![3; 6]);
+        assert_eq!(image.pick_columns(2).range_m(), [5.0, 0.0]);
+        assert_eq!(image.pick_columns(3).range_m(), [5.0, 7.0, 2.0]);
+        assert_eq!(image.pick_columns(6), image);
     }
 
     #[test]
