@@ -3,20 +3,17 @@
 mod benchmark;
 mod calibrate;
 mod elevation;
+mod runs;
 mod unpaired;
 
 use std::path::PathBuf;
 
 use anyhow::Result;
-use burn::tensor::Device;
 use clap::{Args, Parser, Subcommand};
 use scene::{Motion, Pose};
-use trainer::config::{TrainConfig, load_sensor};
-use trainer::data::Scans;
-use trainer::evaluate::{Scores, evaluate};
+use trainer::config::load_sensor;
+use trainer::sensor_report;
 use trainer::simulate::{Simulation, simulate};
-use trainer::train::{Run, best_network, train};
-use trainer::{export, sensor_report};
 
 use benchmark::BenchmarkArgs;
 use calibrate::CalibrateArgs;
@@ -31,12 +28,12 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Train a network on real scans.
-    Train(TrainArgs),
-    /// Score the best network of a run on its config's test scans, beside the pass-through.
-    Evaluate(RunArgs),
-    /// Publish the best network of a run as the next version under models/.
-    Export(ExportArgs),
+    /// Train a network: on real scans alone, or to translate simulated scans into real ones.
+    Train(runs::TrainArgs),
+    /// Score the best network of a run on its config's test scans, beside doing nothing.
+    Evaluate(runs::EvaluateArgs),
+    /// Publish the best networks of runs as the next versions under models/.
+    Export(runs::ExportArgs),
     /// Ray cast made-up streets, or a mesh: labelled scans where no simulator is at hand.
     Simulate(SimulateArgs),
     /// Find what a sensor does that its model lacks, and add it to the model.
@@ -49,42 +46,6 @@ enum Command {
     Elevation(elevation::ElevationArgs),
     /// Hide known defects from the closed loop and count how often it finds them.
     BenchmarkLoop(BenchmarkArgs),
-}
-
-#[derive(Debug, Args)]
-struct TrainArgs {
-    /// The run's config (TOML).
-    config: PathBuf,
-    /// Folder that the config's data paths are relative to.
-    #[arg(long, default_value = ".")]
-    data: PathBuf,
-    /// Folder for checkpoints, log and the best network.
-    #[arg(long)]
-    out: PathBuf,
-    /// Go on from the newest checkpoint in OUT.
-    #[arg(long)]
-    resume: bool,
-    /// Stop after this step, with a checkpoint.
-    #[arg(long)]
-    stop_after: Option<usize>,
-}
-
-#[derive(Debug, Args)]
-struct RunArgs {
-    /// The run's folder.
-    run: PathBuf,
-    /// Folder that the config's data paths are relative to.
-    #[arg(long, default_value = ".")]
-    data: PathBuf,
-}
-
-#[derive(Debug, Args)]
-struct ExportArgs {
-    #[command(flatten)]
-    run: RunArgs,
-    /// Folder of models.
-    #[arg(long, default_value = "models")]
-    models: PathBuf,
 }
 
 #[derive(Debug, Args)]
@@ -134,20 +95,9 @@ impl Cli {
     /// Does what was asked.
     pub(crate) fn run(self) -> Result<()> {
         match self.command {
-            Command::Train(args) => {
-                let config = TrainConfig::read(&args.config)?;
-                let run = Run { out: args.out, data: args.data, resume: args.resume, stop_after: args.stop_after };
-                if let Some(scores) = train(&config, &run)? {
-                    println!("{}", scores.to_table());
-                }
-            }
-            Command::Evaluate(args) => println!("{}", args.scores()?.to_table()),
-            Command::Export(args) => {
-                let config = args.run.config()?;
-                let (network, card) = export::finish(&config, &args.run.run, &args.run.data, &args.run.scores()?)?;
-                let onnx = export::to_onnx(&network, &card)?;
-                println!("{}", export::publish(&args.models, &card, &onnx)?.display());
-            }
+            Command::Train(args) => args.run()?,
+            Command::Evaluate(args) => println!("{}", args.table()?),
+            Command::Export(args) => args.run()?,
             Command::Simulate(args) => {
                 let pose = Pose {
                     position_m: [args.position_m[0], args.position_m[1], args.position_m[2]],
@@ -181,20 +131,5 @@ impl Cli {
             }
         }
         Ok(())
-    }
-}
-
-impl RunArgs {
-    fn config(&self) -> Result<TrainConfig> {
-        TrainConfig::read(&self.run.join("config.toml"))
-    }
-
-    fn scores(&self) -> Result<Scores> {
-        let config = self.config()?;
-        let sensor = config.sensor()?;
-        let test: Vec<Scans> =
-            config.test.iter().map(|data| Scans::load(&self.data, data, &sensor)).collect::<Result<_>>()?;
-        let network = best_network(&config, &self.run)?;
-        Ok(evaluate(&network, test.iter().flat_map(|s| &s.images), &Device::flex()))
     }
 }

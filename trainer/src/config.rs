@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use lidar::Sensor;
 use serde::{Deserialize, Serialize};
 
 use crate::network::{COLUMN_MULTIPLE, UNetConfig};
+use crate::translation::TranslationConfig;
 
 /// A training run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -103,6 +104,67 @@ fn yes() -> bool {
     true
 }
 
+/// Longest chain of configs of which each extends the next.
+const MAX_DEPTH: usize = 8;
+
+/// A config of either kind.
+#[derive(Clone, Debug)]
+pub enum AnyConfig {
+    /// Learning from real scans alone, scored on them.
+    Supervised(Box<TrainConfig>),
+    /// Translating simulated scans into real ones: whatever names a `method`.
+    Translation(Box<TranslationConfig>),
+}
+
+impl AnyConfig {
+    /// Reads and checks a config file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let table = read_table(path)?;
+        let context = || format!("config {}", path.display());
+        Ok(if table.contains_key("method") {
+            Self::Translation(Box::new(TranslationConfig::from_table(table).with_context(context)?))
+        } else {
+            let config: TrainConfig = table.try_into().with_context(context)?;
+            config.check().with_context(context)?;
+            Self::Supervised(Box::new(config))
+        })
+    }
+}
+
+/// Reads a config file, beginning with those that it `extends`, one path or several, relative to it: what comes later wins, entry by
+/// entry in tables, as a whole in everything else.
+pub fn read_table(path: &Path) -> Result<toml::Table> {
+    read_extended(path, MAX_DEPTH)
+}
+
+fn read_extended(path: &Path, depth: usize) -> Result<toml::Table> {
+    ensure!(depth > 0, "config {} extends more than {MAX_DEPTH} others in a row", path.display());
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read config {}", path.display()))?;
+    let mut own: toml::Table = toml::from_str(&text).with_context(|| format!("config {}", path.display()))?;
+    let bases = match own.remove("extends") {
+        None => vec![],
+        Some(toml::Value::String(base)) => vec![base],
+        Some(bases) => bases.try_into().with_context(|| format!("config {}: extends", path.display()))?,
+    };
+    let mut table = toml::Table::new();
+    for base in bases {
+        merge(&mut table, read_extended(&path.with_file_name(base), depth - 1)?);
+    }
+    merge(&mut table, own);
+    Ok(table)
+}
+
+fn merge(table: &mut toml::Table, later: toml::Table) {
+    for (key, value) in later {
+        match (table.get_mut(&key), value) {
+            (Some(toml::Value::Table(before)), toml::Value::Table(value)) => merge(before, value),
+            (_, value) => {
+                table.insert(key, value);
+            }
+        }
+    }
+}
+
 /// A sensor by its built-in name or by the path of its TOML file.
 pub fn load_sensor(name: &str) -> Result<Sensor> {
     if Path::new(name).extension().is_some_and(|extension| extension == "toml") {
@@ -115,10 +177,10 @@ pub fn load_sensor(name: &str) -> Result<Sensor> {
 impl TrainConfig {
     /// Reads and checks a config file.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read config {}", path.display()))?;
-        let config: Self = toml::from_str(&text).with_context(|| format!("config {}", path.display()))?;
-        config.check().with_context(|| format!("config {}", path.display()))?;
-        Ok(config)
+        match AnyConfig::read(path)? {
+            AnyConfig::Supervised(config) => Ok(*config),
+            AnyConfig::Translation(_) => bail!("config {} is a translation's", path.display()),
+        }
     }
 
     /// The config as TOML.
@@ -157,6 +219,25 @@ impl TrainConfig {
         for data in self.validate.iter().chain(&self.test) {
             ensure!(data.drops_observed, "{}: scores need scans whose drops were observed", data.path.display());
         }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_config_changes_what_it_extends_entry_by_entry() -> Result<()> {
+        let folder = tempfile::tempdir()?;
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text);
+        write("a.toml", "x = 1\ny = [1, 2]\n[t]\np = 1\nq = 2\n")?;
+        write("b.toml", "z = 5\n[t]\np = 3\n")?;
+        write("c.toml", "extends = [\"a.toml\", \"b.toml\"]\ny = [7]\n")?;
+        write("loop.toml", "extends = \"loop.toml\"\n")?;
+        let expected: toml::Table = toml::from_str("x = 1\ny = [7]\nz = 5\n[t]\np = 3\nq = 2\n")?;
+        assert_eq!(read_table(&folder.path().join("c.toml"))?, expected);
+        assert!(read_table(&folder.path().join("loop.toml")).is_err_and(|e| e.to_string().contains("in a row")));
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use lidar::RangeImage;
 use lidar::metrics::{Forecast, auc, calibration_error, log_loss, mean_absolute_error};
 use proto::card::Score;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::data::holes::Pixel;
 use crate::data::sample::{CARLA_ATTENUATION, Sample, SimulatedReflectance};
-use crate::network::UNet;
+use crate::generator::{Answer, Generator};
 
 /// Seed of the decoys and the jitter when scans are scored.
 const SEED: u64 = 20;
@@ -53,7 +53,11 @@ pub struct Pair {
 }
 
 /// Scores a network on real scans, made to look simulated as in training; their reflectance is CARLA's.
-pub fn evaluate<'a>(network: &UNet, images: impl IntoIterator<Item = &'a RangeImage>, device: &Device) -> Scores {
+pub fn evaluate<'a>(
+    network: &impl Generator,
+    images: impl IntoIterator<Item = &'a RangeImage>,
+    device: &Device,
+) -> Scores {
     let mut keep = Vec::new();
     let mut decoys = Vec::new();
     let (mut reflectance, mut carla, mut range_m, mut jittered) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -63,7 +67,7 @@ pub fn evaluate<'a>(network: &UNet, images: impl IntoIterator<Item = &'a RangeIm
         rng.set_stream(scans as u64);
         scans += 1;
         let sample = Sample::new(real.clone(), true, SimulatedReflectance::Attenuation(CARLA_ATTENUATION), &mut rng);
-        let predicted = predict(network, &sample.simulated, device);
+        let predicted = Answer::new(network, &sample.simulated, device);
         for (ring, row) in sample.pixel.chunks(real.columns()).enumerate() {
             let count = |which: Pixel| row.iter().filter(|p| **p == which).count() as f32;
             // Rings differ in how many decoys they have: an untouched return weighs as much as its ring has decoys for it.
@@ -115,28 +119,6 @@ pub fn evaluate<'a>(network: &UNet, images: impl IntoIterator<Item = &'a RangeIm
         range_mae_m: Pair { model: mean_absolute_error(range_m), pass_through: mean_absolute_error(jittered) },
         decoy_auc: auc(&decoys),
     }
-}
-
-/// A network's answer to one image, each channel `[ring, column]`.
-#[derive(Clone, Debug)]
-pub struct Answer {
-    /// Range in metres.
-    pub range_m: Vec<f32>,
-    /// Reflectance, 0–1.
-    pub reflectance: Vec<f32>,
-    /// Probability that the ray is reported.
-    pub keep: Vec<f32>,
-}
-
-/// Runs a network on one image.
-pub fn predict(network: &UNet, image: &RangeImage, device: &Device) -> Answer {
-    let (rings, columns) = (image.rings(), image.columns());
-    let mut scan = vec![0.0; 3 * rings * columns];
-    image.write_tensor(&mut scan);
-    let scan = Tensor::<4>::from_data(TensorData::new(scan, [1, 3, rings, columns]), device);
-    let measured = network.forward(scan);
-    let values = |x: Tensor<4>| x.into_data().iter::<f32>().collect();
-    Answer { range_m: values(measured.range_m), reflectance: values(measured.reflectance), keep: values(measured.keep) }
 }
 
 impl Scores {

@@ -1,42 +1,102 @@
 //! A trained network as `models/<name>/<version>/`: `model.onnx` with its card inside, and the card again for people.
 
+mod verify;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use lidar::Sensor;
 use lidar::label::CLASS_NAMES;
 use onnx::{Axis, Exporter};
 use proto::card::{Card, METADATA_KEY, SCHEMA, tensor};
 
-use crate::config::{DataConfig, TrainConfig};
+use crate::config::{AnyConfig, DataConfig, TrainConfig};
 use crate::data::Scans;
 use crate::data::scans::classes_seen;
 use crate::evaluate::Scores;
+use crate::generator::Generator;
 use crate::network::{COLUMN_MULTIPLE, UNet};
-use crate::train::best_network;
+use crate::train::{best_network, supervised};
+use crate::translation::config::Split;
+use crate::translation::training::{Trained, TranslationScores};
+use crate::translation::{self, Domain, Method, TranslationConfig};
+
+/// Columns that a graph is traced at; far more than any network's reach.
+const TRACED_COLUMNS: usize = 128;
 
 /// Writes a network and its card as ONNX bytes: physical units in and out, batch and column left free.
-pub fn to_onnx(network: &UNet, card: &Card) -> Result<Vec<u8>> {
+pub fn to_onnx<G: Generator + Module>(network: &G, card: &Card) -> Result<Vec<u8>> {
     let (rings, device) = (card.sensor.rings().len(), Device::flex());
+    let column = Axis::new("column", TRACED_COLUMNS).multiple_of(card.column_multiple).on(tensor::SCAN, 3);
     let bytes = Exporter::new()
         .input(tensor::SCAN)
         .output(tensor::RANGE)
         .output(tensor::REFLECTANCE)
         .output(tensor::KEEP)
         .dynamic(Axis::new("batch", 1).on(tensor::SCAN, 0))
-        .dynamic(Axis::new("column", 128).multiple_of(COLUMN_MULTIPLE).on(tensor::SCAN, 3))
+        .dynamic(column)
         .metadata(METADATA_KEY, &card.to_json())
         .export(
             network,
             |sizes| Tensor::<4>::zeros([sizes["batch"], tensor::SCAN_CHANNELS, rings, sizes["column"]], &device),
             |network, scan| {
-                let measured = network.forward(scan);
+                let measured = network.measure(scan);
                 (measured.range_m, measured.reflectance, measured.keep)
             },
         )?;
     Ok(bytes)
+}
+
+/// The best network of a run, scored anew, as ONNX bytes that ONNX Runtime reads as Burn does, and its card.
+pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
+    match AnyConfig::read(&run.join("config.toml"))? {
+        AnyConfig::Supervised(config) => {
+            let scores = supervised::scores(&config, run, data_root)?;
+            let (network, card) = finish(&config, run, data_root, &scores)?;
+            verified(&network, card)
+        }
+        AnyConfig::Translation(config) => {
+            let scores = translation::training::scores(&config, run, data_root)?;
+            let card = translation_card(&config, data_root, &scores)?;
+            match translation::best_network(&config, run)? {
+                Trained::Translator(network) => verified(&*network, card),
+                Trained::UNet(network) => verified(&*network, card),
+            }
+        }
+    }
+}
+
+fn verified<G: Generator + Module>(network: &G, card: Card) -> Result<(Vec<u8>, Card)> {
+    let onnx = to_onnx(network, &card)?;
+    verify::agrees(network, &onnx, &card)?;
+    Ok((onnx, card))
+}
+
+fn translation_card(config: &TranslationConfig, data_root: &Path, scores: &TranslationScores) -> Result<Card> {
+    let grid = config.grid()?;
+    let learned = |split: &Split| Domain::load(data_root, &split.train, &grid);
+    let mut trained_on = learned(&config.real)?.datasets;
+    if config.method != Method::UNet {
+        trained_on.extend(learned(&config.simulated)?.datasets);
+    }
+    Ok(Card {
+        schema: SCHEMA,
+        name: config.name.clone(),
+        summary: config.summary.clone(),
+        licence: config.licence.clone(),
+        trained_on,
+        column_multiple: config.multiple(),
+        sensor: grid.sensor,
+        noise_channels: 0,
+        adds_returns: false,
+        classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
+        effects: vec![],
+        scores: scores.to_card(),
+        notes: config.notes.clone(),
+    })
 }
 
 /// The best network of a run as it goes out, and its card.

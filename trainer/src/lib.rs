@@ -1,16 +1,17 @@
 //! Learns what a real sensor makes of a scan: networks, losses, training, evaluation, export.
 
 pub mod benchmark;
-pub mod checkpoint;
 pub mod closed_loop;
 pub mod config;
 pub mod data;
 pub mod effects;
 pub mod evaluate;
 pub mod export;
+pub mod generator;
 pub mod loss;
 pub mod network;
 pub mod sensor_report;
 pub mod sets;
 pub mod simulate;
 pub mod train;
+pub mod translation;

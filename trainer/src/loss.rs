@@ -3,7 +3,6 @@
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 
-use crate::config::Schedule;
 use crate::data::Batch;
 use crate::network::Prediction;
 
@@ -20,21 +19,29 @@ pub struct Loss {
     pub total: Tensor<1>,
 }
 
+/// What the parts weigh beside the cross-entropy of the keep mask.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// Of the reflectance.
+    pub reflectance: f32,
+    /// Of ln(range + 1).
+    pub range: f32,
+}
+
 impl Loss {
     /// The loss of a prediction.
-    pub fn new(prediction: Prediction, batch: &Batch, schedule: &Schedule) -> Self {
+    pub fn new(prediction: Prediction, batch: &Batch, weights: Weights) -> Self {
         let keep = weighted_mean(cross_entropy(prediction.keep_logit, batch.keep.clone()), batch.keep_weight.clone());
         let reflectance = burn::tensor::activation::sigmoid(prediction.reflectance_logit) - batch.reflectance.clone();
         let reflectance = weighted_mean(reflectance.abs(), batch.measured.clone());
         let range = weighted_mean((prediction.log_range - batch.log_range.clone()).abs(), batch.measured.clone());
-        let total =
-            keep.clone() + reflectance.clone() * schedule.reflectance_weight + range.clone() * schedule.range_weight;
+        let total = keep.clone() + reflectance.clone() * weights.reflectance + range.clone() * weights.range;
         Self { keep, reflectance, range, total }
     }
 }
 
 /// −y·ln σ(x) − (1 − y)·ln(1 − σ(x)), in the form that does not overflow.
-fn cross_entropy(logit: Tensor<4>, outcome: Tensor<4>) -> Tensor<4> {
+pub(crate) fn cross_entropy(logit: Tensor<4>, outcome: Tensor<4>) -> Tensor<4> {
     relu(logit.clone()) - logit.clone() * outcome + (logit.abs().neg().exp() + 1.0).log()
 }
 

@@ -7,7 +7,7 @@ use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 use trainer::config::TrainConfig;
 use trainer::export;
-use trainer::train::{Run, best_network, train};
+use trainer::train::{Run, best_network, checkpoint, train};
 
 type Fact = Result<(), Box<dyn std::error::Error>>;
 
@@ -50,8 +50,8 @@ fn run(root: &Path, name: &str, resume: bool, stop_after: Option<usize>) -> Run 
     Run { out: root.join(name), data: root.into(), resume, stop_after }
 }
 
-fn checkpoint(out: &Path) -> Result<PathBuf, Box<dyn std::error::Error>> {
-    Ok(trainer::checkpoint::newest(out)?.ok_or("no checkpoint")?)
+fn newest(out: &Path) -> Result<PathBuf, Box<dyn std::error::Error>> {
+    Ok(checkpoint::newest(out)?.ok_or("no checkpoint")?)
 }
 
 #[test]
@@ -103,9 +103,9 @@ fn a_run_that_was_stopped_and_resumed_ends_in_the_same_bits() -> Fact {
     train_apart(root.path(), "parts", &["--stop-after", "3"])?;
     train_apart(root.path(), "parts", &["--resume"])?;
     let onnx = |run: &str| -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-        let weights = checkpoint(&root.path().join(run))?.join("network.bpk");
+        let weights = newest(&root.path().join(run))?.join("network.bpk");
         let network = config.network.init(config.sensor()?.rings().len(), &burn::tensor::Device::flex());
-        let network = trainer::checkpoint::load_network(&weights, network)?;
+        let network = checkpoint::load_network(&weights, network)?;
         let scores = serde_json::from_slice(&std::fs::read(root.path().join(run).join("scores.json"))?)?;
         let (_, card) = export::finish(&config, &root.path().join(run), root.path(), &scores)?;
         Ok(export::to_onnx(&network, &card)?)

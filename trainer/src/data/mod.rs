@@ -4,5 +4,5 @@ pub mod holes;
 pub mod sample;
 pub mod scans;
 
-pub use sample::{Batch, Sampler};
+pub use sample::{Batch, Sampler, Source};
 pub use scans::Scans;

@@ -48,10 +48,25 @@ pub struct Sample {
     pub keep_weight: Vec<f32>,
 }
 
+/// Real scans of one kind.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Range images with as many rings.
+    pub images: Vec<RangeImage>,
+    /// See [`DataConfig::drops_observed`](crate::config::DataConfig::drops_observed).
+    pub drops_observed: bool,
+}
+
+impl From<Scans> for Source {
+    fn from(scans: Scans) -> Self {
+        Self { images: scans.images, drops_observed: scans.drops_observed }
+    }
+}
+
 /// Draws batches; the same step gives the same batch, whenever it is drawn.
 #[derive(Clone, Debug)]
 pub struct Sampler {
-    sources: Vec<Scans>,
+    sources: Vec<Source>,
     seed: u64,
     batch: usize,
     crop_columns: usize,
@@ -70,7 +85,7 @@ pub enum SimulatedReflectance {
 
 impl Sampler {
     /// A sampler over these scans.
-    pub fn new(sources: Vec<Scans>, seed: u64, batch: usize, crop_columns: usize) -> Self {
+    pub fn new(sources: Vec<Source>, seed: u64, batch: usize, crop_columns: usize) -> Self {
         Self { sources, seed, batch, crop_columns }
     }
 

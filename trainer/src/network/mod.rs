@@ -18,7 +18,7 @@ pub use norm::NormKind;
 pub use patch_gan::{PatchGan, PatchGanConfig};
 pub use patch_nce::{PatchHeads, Places};
 pub use range_code::{RangeCode, RangeCoder};
-pub use resnet::{Generated, Resnet, ResnetConfig};
+pub use resnet::{Generated, Output, Resnet, ResnetConfig};
 pub use unet::{COLUMN_MULTIPLE, UNet, UNetConfig};
 
 /// What the sensor measures, each `[batch, 1, ring, column]`, in physical units.

@@ -122,6 +122,21 @@ mod tests {
     }
 
     #[test]
+    fn heads_take_batches_of_any_size() {
+        let device = Device::flex();
+        device.seed(7);
+        let features = |batch| vec![Tensor::<4>::random([batch, 6, 4, 8], Distribution::Normal(0.0, 1.0), &device)];
+        let heads = PatchHeads::new(&[6], &device);
+        let (answer, question) = (features(3), features(3));
+        let places = Places::draw(&question, 16, &mut ChaCha8Rng::seed_from_u64(2));
+        let of = |x: &[Tensor<4>], i: usize| vec![x[0].clone().slice(burn::tensor::s![i..i + 1, .., .., ..])];
+        let one = |i| heads.loss(&of(&answer, i), &of(&question, i), &places).into_scalar::<f32>();
+        let all = heads.loss(&answer, &question, &places).into_scalar::<f32>();
+        // Negatives are of the same image alone, so a batch costs what its images cost.
+        assert!((all - (0..3).map(one).sum::<f32>() / 3.0).abs() < 1e-5);
+    }
+
+    #[test]
     fn an_answer_like_its_question_costs_less_than_another() {
         let device = Device::flex();
         device.seed(4);

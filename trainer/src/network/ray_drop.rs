@@ -5,9 +5,6 @@ use burn::tensor::activation::sigmoid;
 
 use super::resnet::Generated;
 
-/// What an image shows of a ray that was not reported.
-pub const DROPPED: f32 = -1.0;
-
 impl Generated {
     /// The mask of the rays that are reported, 1 or 0, `[batch, 1, ring, column]`, drawn by uniform numbers in (0, 1).
     ///
@@ -19,11 +16,6 @@ impl Generated {
         let soft = sigmoid((self.keep_logit.clone() + logistic) / alpha);
         let hard = soft.clone().detach().greater_elem(0.5).float();
         soft.clone() + (hard - soft.detach())
-    }
-
-    /// The image as it is reported: rays that are not in the `mask` show [`DROPPED`].
-    pub fn masked(&self, mask: &Tensor<4>) -> Tensor<4> {
-        (self.image.clone() - DROPPED) * mask.clone() + DROPPED
     }
 }
 
@@ -52,18 +44,6 @@ mod tests {
             let gradient = keep_logit.grad(&mask.sum().backward()).expect("a gradient");
             let of_logits: Vec<f32> = gradient.mean_dim(2).into_data().iter::<f32>().collect();
             assert!(of_logits.iter().all(|x| *x > 0.0), "{of_logits:?}");
-        }
-    }
-
-    #[test]
-    fn what_is_not_reported_shows_as_dropped() {
-        let device = Device::flex();
-        let image = Tensor::<4>::zeros([1, 2, 1, 2], &device) + 0.3;
-        let generated = Generated { keep_logit: Tensor::zeros([1, 1, 1, 2], &device), image };
-        let mask = Tensor::from_data(TensorData::new(vec![1f32, 0.0], [1, 1, 1, 2]), &device);
-        let shown: Vec<f32> = generated.masked(&mask).into_data().iter::<f32>().collect();
-        for (shown, expected) in shown.iter().zip([0.3, DROPPED, 0.3, DROPPED]) {
-            assert!((shown - expected).abs() < 1e-6);
         }
     }
 }

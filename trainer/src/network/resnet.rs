@@ -6,7 +6,7 @@
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::activation::relu;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, s};
 use serde::{Deserialize, Serialize};
 
 use super::blur::{double, halve};
@@ -34,11 +34,31 @@ pub struct ResnetConfig {
     pub border: Border,
     /// Whether there is an encoder of the semantic labels.
     pub condition: bool,
+    /// What the last layer says.
+    pub output: Output,
+}
+
+/// What the last layer says of range code and reflectance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Output {
+    /// Their values, as in the papers: the network has to learn first to show what it is shown.
+    #[default]
+    Whole,
+    /// What is added to those that are shown: the network begins with the scan as it is, and details need not pass its bottleneck.
+    Correction,
 }
 
 impl Default for ResnetConfig {
     fn default() -> Self {
-        Self { width: 64, blocks: 9, norm: NormKind::Instance, border: Border::Turn, condition: true }
+        Self {
+            width: 64,
+            blocks: 9,
+            norm: NormKind::Instance,
+            border: Border::Turn,
+            condition: true,
+            output: Output::Whole,
+        }
     }
 }
 
@@ -52,6 +72,8 @@ pub struct Resnet {
     head: Conv2d,
     #[module(skip)]
     border: Border,
+    #[module(skip)]
+    output: Output,
 }
 
 /// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
@@ -76,12 +98,12 @@ struct Block {
     second: Stage,
 }
 
-/// What a generator makes of a scan, each `[batch, 1, ring, column]`.
+/// What a generator makes of a scan.
 #[derive(Clone, Debug)]
 pub struct Generated {
-    /// Range code and reflectance, −1 to 1, `[batch, 2, ring, column]`.
+    /// Range code and reflectance, −1 to 1 (and, where they are [corrected](Output::Correction), beyond), `[batch, 2, ring, column]`.
     pub image: Tensor<4>,
-    /// Logit of the probability that the ray is reported.
+    /// Logit of the probability that the ray is reported, `[batch, 1, ring, column]`.
     pub keep_logit: Tensor<4>,
 }
 
@@ -99,6 +121,7 @@ impl ResnetConfig {
             up: (0..HALVINGS).rev().map(|i| stage(width << (i + 1), width << i)).collect(),
             head: conv(width, IMAGE_CHANNELS + 1, 7, 0, device),
             border: self.border,
+            output: self.output,
         }
     }
 
@@ -130,10 +153,36 @@ impl ResnetConfig {
 }
 
 impl Resnet {
+    /// The same network, for images that go on beyond their edges like this.
+    #[must_use]
+    pub fn with_border(mut self, border: Border) -> Self {
+        self.border = border;
+        self
+    }
+
     /// What a sensor would have measured of `image`, range code and reflectance from −1 to 1, `[batch, 2, ring, column]`, given the
     /// `condition`, its semantic labels from −1 to 1, `[batch, 1, ring, column]`.
     pub fn forward(&self, image: Tensor<4>, condition: &Tensor<4>) -> Generated {
-        let mut x = self.latent(image, condition, &mut vec![]);
+        self.generate(image, condition, &mut vec![])
+    }
+
+    /// [`forward`](Self::forward), and the [`features`](Self::features) that are passed on the way.
+    pub fn forward_with_features(&self, image: Tensor<4>, condition: &Tensor<4>) -> (Generated, Vec<Tensor<4>>) {
+        let mut features = vec![self.border.pad(image.clone(), 3)];
+        let generated = self.generate(image, condition, &mut features);
+        (generated, features)
+    }
+
+    /// The features that patches are compared by: the image itself, the two convolutions on the way down, the first block, and the first
+    /// one that knows the condition: CUT's layers 0, 4, 8, 12 and 16.
+    pub fn features(&self, image: Tensor<4>, condition: &Tensor<4>) -> Vec<Tensor<4>> {
+        let mut features = vec![self.border.pad(image.clone(), 3)];
+        self.latent(image, condition, &mut features);
+        features
+    }
+
+    fn generate(&self, image: Tensor<4>, condition: &Tensor<4>, seen: &mut Vec<Tensor<4>>) -> Generated {
+        let mut x = self.latent(image.clone(), condition, seen);
         for block in self.blocks.iter().skip(1) {
             x = block.forward(x, self.border);
         }
@@ -141,32 +190,29 @@ impl Resnet {
             x = stage.forward(double(x, self.border), self.border);
         }
         let x = self.head.forward(self.border.pad(x, 3));
-        let [batch, _, rings, columns] = x.dims();
-        let image = x.clone().slice([0..batch, 0..IMAGE_CHANNELS, 0..rings, 0..columns]).tanh();
-        let keep_logit = x.slice([0..batch, IMAGE_CHANNELS..IMAGE_CHANNELS + 1, 0..rings, 0..columns]);
-        Generated { image, keep_logit }
+        let channels = |from: usize, to: usize| x.clone().slice(s![.., from..to, .., ..]);
+        let said = channels(0, IMAGE_CHANNELS);
+        let image = match self.output {
+            Output::Whole => said.tanh(),
+            Output::Correction => image + said,
+        };
+        Generated { image, keep_logit: channels(IMAGE_CHANNELS, IMAGE_CHANNELS + 1) }
     }
 
-    /// The features that patches are compared by: the image itself, the two convolutions on the way down, the first block, and the first
-    /// one that knows the condition: CUT's layers 0, 4, 8, 12 and 16.
-    pub fn features(&self, image: Tensor<4>, condition: &Tensor<4>) -> Vec<Tensor<4>> {
-        let mut features = vec![self.border.pad(image.clone(), 3)];
-        let last = self.latent(image, condition, &mut features);
-        features.push(last);
-        features
-    }
-
-    /// The latent features after the first block that knows the condition; on the way, those of the image alone are appended to `seen`.
+    /// The latent features after the first block that knows the condition; they and those that are passed on the way are appended to
+    /// `seen`.
     fn latent(&self, image: Tensor<4>, condition: &Tensor<4>, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
         let x = self.image.forward(image, self.border, seen);
         let x = match &self.condition {
             None => x,
             Some(encoder) => x + encoder.forward(condition.clone(), self.border, &mut vec![]),
         };
-        match self.blocks.first() {
+        let x = match self.blocks.first() {
             None => x,
             Some(block) => block.forward(x, self.border),
-        }
+        };
+        seen.push(x.clone());
+        x
     }
 }
 
@@ -209,7 +255,7 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::{Distribution, s};
+    use burn::tensor::Distribution;
 
     fn small(border: Border) -> ResnetConfig {
         ResnetConfig { width: 4, blocks: 4, border, ..ResnetConfig::default() }
@@ -241,6 +287,31 @@ mod tests {
         let difference =
             turn(logit(image.clone(), condition.clone())) - logit(turn(image.clone()), turn(condition.clone()));
         assert!(difference.abs().max().into_scalar::<f32>() < 1e-5);
+    }
+
+    #[test]
+    fn features_on_the_way_are_those_without_the_rest_of_it() {
+        let device = Device::flex();
+        let network = small(Border::Mirror).init(&device);
+        let (image, condition) = scan(&device);
+        let (generated, on_the_way) = network.forward_with_features(image.clone(), &condition);
+        let logit = network.forward(image.clone(), &condition).keep_logit;
+        assert_eq!((generated.keep_logit - logit).abs().max().into_scalar::<f32>(), 0.0);
+        for (a, b) in on_the_way.into_iter().zip(network.features(image, &condition)) {
+            assert_eq!((a - b).abs().max().into_scalar::<f32>(), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_network_that_corrects_begins_near_the_scan_itself() {
+        let device = Device::flex();
+        let (image, condition) = scan(&device);
+        let off = |output: Output| {
+            let network = ResnetConfig { output, ..small(Border::Turn) }.init(&device);
+            let image_out = network.forward(image.clone(), &condition).image;
+            (image_out - image.clone()).abs().max().into_scalar::<f32>()
+        };
+        assert!(off(Output::Correction) < 0.1 && off(Output::Whole) > 0.5);
     }
 
     #[test]

@@ -1,0 +1,354 @@
+//! What a translation's training is told: one TOML file; everything that is left out has a default, what is misspelt is refused.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use serde::{Deserialize, Serialize};
+
+use super::answer::Reporting;
+use super::augment::Augmentation;
+use super::domain::Grid;
+use super::view::{Coding, Unreported};
+use crate::config::{DataConfig, load_sensor, read_table};
+use crate::network::{Border, COLUMN_MULTIPLE, PatchGanConfig, RangeCode, RangeCoder, ResnetConfig, UNetConfig};
+
+/// How a translation is learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Patches of the answer should show what the same patches of the question show: Haghighi et al. (2023).
+    Cls2r,
+    /// The way back should lead to the question: Zhu et al., "Unpaired image-to-image translation using cycle-consistent adversarial
+    /// networks" (2017).
+    CycleGan,
+    /// The mirrored question should have the mirrored answer: Fu et al., "Geometry-consistent generative adversarial networks for
+    /// one-sided unsupervised domain mapping" (2019).
+    GcGan,
+    /// Learned from real scans alone, made to look simulated: Vacek et al., "Learning to predict lidar intensities" (2021).
+    UNet,
+}
+
+/// A translation's training.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TranslationConfig {
+    /// Name of the model.
+    pub name: String,
+    /// One sentence for the card.
+    pub summary: String,
+    /// Licence that the weights carry.
+    pub licence: String,
+    /// Anything else for the card.
+    #[serde(default)]
+    pub notes: String,
+    /// How it is learned.
+    pub method: Method,
+    /// Name of a built-in sensor, or path of a sensor's TOML file.
+    pub sensor: String,
+    /// Columns of the turn, if other than the sensor's; scans with more are resampled to it.
+    #[serde(default)]
+    pub columns: Option<usize>,
+    /// Seed of the weights, the order of the scans, the augmentation and the ray drop.
+    #[serde(default)]
+    pub seed: u64,
+    /// How networks see ranges.
+    #[serde(default)]
+    pub range_code: RangeCode,
+    /// How networks see rays without a return.
+    #[serde(default)]
+    pub unreported: Unreported,
+    /// Whether the generator says which rays are reported (the paper's ray-drop synthesis), or draws lost rays into the image itself.
+    #[serde(default = "yes")]
+    pub ray_drop: bool,
+    /// The generator.
+    #[serde(default)]
+    pub generator: ResnetConfig,
+    /// The discriminator.
+    #[serde(default)]
+    pub discriminator: PatchGanConfig,
+    /// The network of the method `unet`, in the generator's place.
+    #[serde(default)]
+    pub unet: UNetConfig,
+    /// What is minimised.
+    #[serde(default)]
+    pub losses: Losses,
+    /// How it is minimised.
+    #[serde(default)]
+    pub schedule: Schedule,
+    /// How scans are varied.
+    #[serde(default)]
+    pub augmentation: Augmentation,
+    /// Simulated scans.
+    pub simulated: Split,
+    /// Real scans.
+    pub real: Split,
+}
+
+/// Scans of one domain.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    /// What is learned from.
+    pub train: Vec<DataConfig>,
+    /// What the best network is chosen on.
+    pub validate: Vec<DataConfig>,
+    /// What it is scored on, once, at the end.
+    pub test: Vec<DataConfig>,
+}
+
+/// What a discriminator and its generator play for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Game {
+    /// Squared distance to 1 and 0: Mao et al., "Least squares generative adversarial networks" (2017); CUT's choice.
+    #[default]
+    LeastSquares,
+    /// Cross entropy: Goodfellow et al., "Generative adversarial nets" (2014); CLS2R's equation 7.
+    Original,
+}
+
+/// Weights of the losses; each method takes those that it knows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Losses {
+    /// The adversarial loss, of weight 1.
+    pub game: Game,
+    /// CLS2R: patches of the answer against those of the simulated scan; the paper's λ for X.
+    pub contrast: f64,
+    /// CLS2R: patches of the answer to a real scan against those of the scan itself; the paper's λ for Y.
+    pub contrast_identity: f64,
+    /// CLS2R: patches a layer.
+    pub patches: usize,
+    /// `CycleGAN`: mean absolute difference between a scan and what the way there and back makes of it.
+    pub cycle: f64,
+    /// `GcGAN`: mean absolute difference between the mirrored answer and the answer to the mirrored scan; the authors' 10 · 2.
+    pub geometry: f64,
+    /// `CycleGAN`, `GcGAN`: mean absolute difference between a scan of the domain that is aimed at and what becomes of it; 10 · 0.5 of
+    /// `CycleGAN`'s authors (`GcGAN`'s take 10 · 0.3).
+    pub identity: f64,
+    /// `CycleGAN`: earlier answers that a discriminator may be shown again.
+    pub pool: usize,
+    /// The U-Net's reflectance, beside the cross entropy of its keep mask.
+    pub reflectance: f32,
+    /// The U-Net's ln(r + 1), beside the same.
+    pub range: f32,
+}
+
+impl Default for Losses {
+    fn default() -> Self {
+        Self {
+            game: Game::default(),
+            contrast: 1.0,
+            contrast_identity: 2.0,
+            patches: 256,
+            cycle: 10.0,
+            geometry: 20.0,
+            identity: 5.0,
+            pool: 50,
+            reflectance: 4.0,
+            range: 2.0,
+        }
+    }
+}
+
+/// How the losses are minimised.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Schedule {
+    /// Optimiser steps.
+    pub steps: usize,
+    /// Scans of each domain a step.
+    pub batch: usize,
+    /// Columns of a cut-out; a whole turn where it is the sensor's number of columns.
+    pub crop_columns: usize,
+    /// Adam's learning rate to begin with.
+    pub learning_rate: f64,
+    /// Steps after which the learning rate is multiplied by [`decay`](Self::decay), again and again; 0 = never.
+    pub decay_every: usize,
+    /// See [`decay_every`](Self::decay_every).
+    pub decay: f64,
+    /// Adam's decay of the mean gradient; CUT's β₁. That of its square is 0.999.
+    pub beta_1: f32,
+    /// Longest gradient of a parameter tensor; longer ones are shortened to it.
+    pub clip_norm: f32,
+    /// Per step, the share of the averaged generator that stays: the exponential moving average that is validated and exported. 0 = the
+    /// generator itself.
+    pub average: f64,
+    /// Steps between two checkpoints; each is scored on the validation scans.
+    pub checkpoint_every: usize,
+    /// Steps between two pictures; 0 = none.
+    pub samples_every: usize,
+    /// Checkpoints without a better score after which training ends early; 0 = never.
+    pub patience: usize,
+}
+
+impl Default for Schedule {
+    /// The paper's rate, decay and batch.
+    fn default() -> Self {
+        Self {
+            steps: 4000,
+            batch: 12,
+            crop_columns: 256,
+            learning_rate: 5e-5,
+            decay_every: 0,
+            decay: 0.5,
+            beta_1: 0.5,
+            clip_norm: 10.0,
+            average: 0.999,
+            checkpoint_every: 250,
+            samples_every: 250,
+            patience: 0,
+        }
+    }
+}
+
+impl Schedule {
+    /// The learning rate of a step.
+    pub fn rate(&self, step: usize) -> f64 {
+        let decays = step.checked_div(self.decay_every).unwrap_or(0);
+        self.learning_rate * self.decay.powi(decays.min(1000) as i32)
+    }
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl TranslationConfig {
+    /// Reads and checks a config file, with what it extends.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_table(read_table(path)?).with_context(|| format!("config {}", path.display()))
+    }
+
+    /// Checks a config.
+    pub fn from_table(table: toml::Table) -> Result<Self> {
+        let config: Self = table.try_into()?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// The config as TOML.
+    pub fn to_toml(&self) -> Result<String> {
+        Ok(toml::to_string(self)?)
+    }
+
+    /// The grid that both domains are brought to.
+    pub fn grid(&self) -> Result<Grid> {
+        let native = load_sensor(&self.sensor)?;
+        let sensor = match self.columns {
+            Some(columns) => native.clone().with_columns(columns)?,
+            None => native.clone(),
+        };
+        Ok(Grid { sensor, native, resample: self.columns.is_some() })
+    }
+
+    /// How networks see scans, and how their answers lose rays.
+    pub fn reporting(&self) -> Result<Reporting> {
+        let range = RangeCoder { code: self.range_code, limits_m: self.grid()?.sensor.range_limits_m() };
+        Ok(Reporting { coding: Coding { range, unreported: self.unreported }, ray_drop: self.ray_drop })
+    }
+
+    /// The generator as it is trained: a cut-out's ends are no neighbours.
+    pub fn training_generator(&self) -> Result<ResnetConfig> {
+        let whole = self.schedule.crop_columns == self.grid()?.sensor.columns();
+        let border = if whole { self.generator.border } else { Border::Mirror };
+        Ok(ResnetConfig { border, ..self.generator })
+    }
+
+    /// What rings and columns have to be multiples of.
+    pub fn multiple(&self) -> usize {
+        match self.method {
+            Method::UNet => COLUMN_MULTIPLE,
+            Method::Cls2r | Method::CycleGan | Method::GcGan => self.generator.multiple(),
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let sensor = self.grid()?.sensor;
+        let (rings, columns) = (sensor.rings().len(), sensor.columns());
+        let s = &self.schedule;
+        let multiple = self.multiple();
+        for (name, number) in [("rings", rings), ("columns", columns), ("crop_columns", s.crop_columns)] {
+            ensure!(
+                number > 0 && number.is_multiple_of(multiple),
+                "{name}: {number}, expected a multiple of {multiple}"
+            );
+        }
+        ensure!(s.crop_columns <= columns, "crop_columns is {}, the turn has {columns}", s.crop_columns);
+        ensure!(s.steps > 0 && s.batch > 0 && s.checkpoint_every > 0, "steps, batch, checkpoint_every must be above 0");
+        ensure!(s.learning_rate > 0.0 && s.learning_rate < 1.0, "learning_rate is {}", s.learning_rate);
+        ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
+        ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
+        ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        let a = &self.augmentation;
+        ensure!((0.0..=1.0).contains(&a.unlabelled_share), "unlabelled_share is {}", a.unlabelled_share);
+        ensure!(self.losses.patches > 1, "patches is {}: one patch has no others to be told from", self.losses.patches);
+        for (domain, name) in [(&self.simulated, "simulated"), (&self.real, "real")] {
+            for (list, part) in [(&domain.train, "train"), (&domain.validate, "validate"), (&domain.test, "test")] {
+                ensure!(!list.is_empty(), "no [[{name}.{part}]] data");
+                for data in list {
+                    let path = data.path.display();
+                    ensure!(data.sector_deg.is_none(), "{path}: sector_deg: translations take whole turns");
+                    ensure!(
+                        name == "simulated" || data.drops_observed,
+                        "{path}: empty pixels of motion-compensated scans are artefacts, and would be learned"
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(extra: &str, real: &str) -> String {
+        let data = |table: &str| format!("[[{table}]]\npath = \"a\"\nsource = \"made up\"\nlicence = \"MIT\"\n");
+        let parts = ["train", "validate", "test"];
+        let simulated: String = parts.iter().map(|part| data(&format!("simulated.{part}"))).collect();
+        let reals: String = parts.iter().map(|part| data(&format!("real.{part}")) + real).collect();
+        format!(
+            "name = \"a\"\nsummary = \"a\"\nlicence = \"MIT\"\nsensor = \"hdl64e\"\nmethod = \"cls2r\"\n{extra}\n{simulated}{reals}"
+        )
+    }
+
+    fn parse(text: &str) -> Result<TranslationConfig> {
+        TranslationConfig::from_table(toml::from_str(text)?)
+    }
+
+    fn refusal(extra: &str, real: &str) -> String {
+        parse(&text(extra, real)).map_or_else(|e| format!("{e:#}"), |_| String::new())
+    }
+
+    #[test]
+    fn configs_that_would_mislead_are_refused() {
+        assert_eq!(refusal("", ""), "");
+        for (extra, word) in [
+            ("columns = 510", "columns: 510"),
+            ("[schedule]\ncrop_columns = 2052", "the turn has 2048"),
+            ("[schedule]\naverage = 1.0", "average"),
+            ("[losses]\npatches = 1", "patches"),
+            ("[generator]\nwidht = 3", "widht"),
+        ] {
+            assert!(refusal(extra, "").contains(word), "{extra}: {}", refusal(extra, ""));
+        }
+        assert!(refusal("", "drops_observed = false\n").contains("artefacts"));
+        assert!(refusal("", "sector_deg = [90.0, 0.0]\n").contains("whole turns"));
+    }
+
+    #[test]
+    fn a_config_survives_its_toml() -> Result<()> {
+        let config = parse(&text("", ""))?;
+        assert_eq!(parse(&config.to_toml()?)?.to_toml()?, config.to_toml()?);
+        Ok(())
+    }
+
+    #[test]
+    fn the_learning_rate_falls_in_steps() {
+        let schedule = Schedule { learning_rate: 1e-3, decay_every: 10, decay: 0.5, ..Schedule::default() };
+        assert_eq!([0, 9, 10, 25].map(|step| schedule.rate(step)), [1e-3, 1e-3, 5e-4, 2.5e-4]);
+        assert_eq!(Schedule { decay_every: 0, ..schedule }.rate(1000), 1e-3);
+    }
+}

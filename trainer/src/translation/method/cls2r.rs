@@ -1,0 +1,95 @@
+//! CLS2R: Haghighi et al., "Contrastive learning-based framework for sim-to-real mapping of lidar point clouds in autonomous driving
+//! systems" (2023).
+
+use anyhow::Result;
+use burn::module::Module;
+use burn::tensor::Device;
+
+use super::{Adversarial, Setting, Step, value};
+use crate::network::{PatchGan, PatchHeads, Places, Resnet};
+use crate::train::{Losses, Parts, Trainee};
+use crate::translation::config::TranslationConfig;
+use crate::translation::sampler::Chance;
+use crate::translation::view::View;
+
+/// Generator, discriminator, and the heads that describe patches.
+#[derive(Debug)]
+pub struct Cls2r {
+    generator: Trainee<Resnet>,
+    discriminator: Trainee<PatchGan>,
+    heads: Trainee<PatchHeads>,
+    setting: Setting,
+}
+
+impl Cls2r {
+    /// With random weights.
+    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Self {
+        let schedule = &config.schedule;
+        let heads = PatchHeads::new(&config.generator.feature_channels(), device);
+        Self {
+            generator: Trainee::new(setting.generator.init(device), schedule),
+            discriminator: Trainee::new(config.discriminator.init(device), schedule),
+            heads: Trainee::new(heads, schedule),
+            setting,
+        }
+    }
+}
+
+impl Adversarial for Cls2r {
+    fn step(&mut self, step: &Step) -> Losses {
+        let Setting { reporting, losses, .. } = self.setting;
+        let generator = &self.generator.network;
+        let answer = |view: &View, number: u8| {
+            let (generated, features) = generator.forward_with_features(view.image.clone(), &view.condition);
+            (reporting.answer(generated, view.returned.clone(), step.uniform(number)), features)
+        };
+        let (answered, asked) = answer(&step.simulated, 0);
+        let (same, real) = answer(&step.real, 1);
+
+        let judge = &self.discriminator.network;
+        let judged = (judge.forward(step.real.image.clone()), judge.forward(answered.image.clone().detach()));
+        let discriminator = losses.game.discriminator(judged.0, judged.1);
+        let mut gradients = discriminator.backward();
+        self.discriminator.step(step.rate, &mut gradients);
+
+        let judge = self.discriminator.network.clone().no_grad();
+        let game = losses.game.generator(judge.forward(answered.image.clone()));
+        let mut rng = Chance::Places.of(step.seed, step.number);
+        let mut contrast = |answer, view: &View, question| {
+            let features = generator.features(answer, &view.condition);
+            let places = Places::draw(&features, losses.patches, &mut rng);
+            self.heads.network.loss(&features, question, &places)
+        };
+        let contrast_simulated = contrast(answered.image, &step.simulated, &asked);
+        let contrast_real = contrast(same.image, &step.real, &real);
+        let total = game.clone()
+            + contrast_simulated.clone() * losses.contrast
+            + contrast_real.clone() * losses.contrast_identity;
+        let values = vec![
+            ("discriminator", value(&discriminator)),
+            ("game", value(&game)),
+            ("contrast", value(&contrast_simulated)),
+            ("contrast_identity", value(&contrast_real)),
+        ];
+        let mut gradients = total.backward();
+        self.heads.step(step.rate, &mut gradients);
+        self.generator.step(step.rate, &mut gradients);
+        values
+    }
+
+    fn generator(&self) -> &Resnet {
+        &self.generator.network
+    }
+
+    fn save(&self, parts: &mut Parts) -> Result<()> {
+        self.generator.save("generator", parts)?;
+        self.discriminator.save("discriminator", parts)?;
+        self.heads.save("heads", parts)
+    }
+
+    fn load(&mut self, parts: &Parts) -> Result<()> {
+        self.generator.load("generator", parts)?;
+        self.discriminator.load("discriminator", parts)?;
+        self.heads.load("heads", parts)
+    }
+}

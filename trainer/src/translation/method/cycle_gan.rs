@@ -1,0 +1,122 @@
+//! `CycleGAN`: Zhu et al., "Unpaired image-to-image translation using cycle-consistent adversarial networks" (2017); with ray drop, the
+//! paper's "baseline + RS".
+
+use anyhow::{Context, Result};
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+
+use super::{Adversarial, Setting, Step, difference, value};
+use crate::network::{PatchGan, Resnet};
+use crate::train::{Losses, Parts, Trainee};
+use crate::translation::answer::Answer;
+use crate::translation::config::TranslationConfig;
+use crate::translation::pool::Pool;
+use crate::translation::sampler::Chance;
+
+/// A generator each way, a discriminator each domain.
+#[derive(Debug)]
+pub struct CycleGan {
+    to_real: Trainee<Resnet>,
+    to_simulated: Trainee<Resnet>,
+    real: Judge,
+    simulated: Judge,
+    setting: Setting,
+}
+
+/// A discriminator with what it has seen.
+#[derive(Debug)]
+struct Judge {
+    network: Trainee<PatchGan>,
+    pool: Pool,
+}
+
+impl CycleGan {
+    /// With random weights.
+    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Self {
+        let schedule = &config.schedule;
+        let generator = || Trainee::new(setting.generator.init(device), schedule);
+        let judge = || Judge {
+            network: Trainee::new(config.discriminator.init(device), schedule),
+            pool: Pool::new(config.losses.pool),
+        };
+        Self { to_real: generator(), to_simulated: generator(), real: judge(), simulated: judge(), setting }
+    }
+}
+
+impl Adversarial for CycleGan {
+    fn step(&mut self, step: &Step) -> Losses {
+        let Setting { reporting, losses, .. } = self.setting;
+        let (x, y) = (&step.simulated, &step.real);
+        let answer = |network: &Resnet, image: &Tensor<4>, condition, possible: &Tensor<4>, number| {
+            reporting.answer(network.forward(image.clone(), condition), possible.clone(), step.uniform(number))
+        };
+        let (there, back) = (&self.to_real.network, &self.to_simulated.network);
+        // What a real sensor lost, a simulation has: the way back may show a return on any ray.
+        let any = x.returned.ones_like();
+        let as_real = answer(there, &x.image, &x.condition, &x.returned, 0);
+        let as_simulated = answer(back, &y.image, &y.condition, &any, 1);
+        let x_again = answer(back, &as_real.image, &x.condition, &any, 2);
+        let y_again = answer(there, &as_simulated.image, &y.condition, &as_simulated.reported, 3);
+        let y_same = answer(there, &y.image, &y.condition, &y.returned, 4);
+        let x_same = answer(back, &x.image, &x.condition, &any, 5);
+
+        let off = |answer: Answer, image: &Tensor<4>| difference(answer.image, image.clone());
+        let cycle = off(x_again, &x.image) + off(y_again, &y.image);
+        let identity = off(x_same, &x.image) + off(y_same, &y.image);
+        let game = losses.game.generator(self.real.frozen().forward(as_real.image.clone()))
+            + losses.game.generator(self.simulated.frozen().forward(as_simulated.image.clone()));
+        let total = game.clone() + cycle.clone() * losses.cycle + identity.clone() * losses.identity;
+        let mut values = vec![("game", value(&game)), ("cycle", value(&cycle)), ("identity", value(&identity))];
+        let mut gradients = total.backward();
+        self.to_real.step(step.rate, &mut gradients);
+        self.to_simulated.step(step.rate, &mut gradients);
+
+        let mut rng = Chance::Pool.of(step.seed, step.number);
+        for (name, judge, scans, answers) in [
+            ("discriminator", &mut self.real, y, as_real),
+            ("discriminator_simulated", &mut self.simulated, x, as_simulated),
+        ] {
+            let shown = judge.pool.exchange(answers.image, &mut rng);
+            let network = &judge.network.network;
+            let loss = losses.game.discriminator(network.forward(scans.image.clone()), network.forward(shown));
+            values.push((name, value(&loss)));
+            judge.network.step(step.rate, &mut loss.backward());
+        }
+        values
+    }
+
+    fn generator(&self) -> &Resnet {
+        &self.to_real.network
+    }
+
+    fn save(&self, parts: &mut Parts) -> Result<()> {
+        self.to_real.save("generator", parts)?;
+        self.to_simulated.save("generator-back", parts)?;
+        self.real.save("discriminator", parts)?;
+        self.simulated.save("discriminator-back", parts)
+    }
+
+    fn load(&mut self, parts: &Parts) -> Result<()> {
+        self.to_real.load("generator", parts)?;
+        self.to_simulated.load("generator-back", parts)?;
+        self.real.load("discriminator", parts, self.setting.image_numbers)?;
+        self.simulated.load("discriminator-back", parts, self.setting.image_numbers)
+    }
+}
+
+impl Judge {
+    fn frozen(&self) -> PatchGan {
+        self.network.network.clone().no_grad()
+    }
+
+    fn save(&self, name: &str, parts: &mut Parts) -> Result<()> {
+        parts.put(&format!("{name}-pool"), self.pool.to_bytes());
+        self.network.save(name, parts)
+    }
+
+    fn load(&mut self, name: &str, parts: &Parts, image_numbers: usize) -> Result<()> {
+        let pool = format!("{name}-pool");
+        self.pool = self.pool.with_bytes(parts.get(&pool)?, image_numbers).context(pool)?;
+        self.network.load(name, parts)
+    }
+}

@@ -1,0 +1,88 @@
+//! The methods: each one optimiser step on a batch of both domains.
+
+mod cls2r;
+mod cycle_gan;
+mod gc_gan;
+
+use anyhow::Result;
+use burn::tensor::{Device, Tensor};
+
+use super::answer::Reporting;
+use super::config::{Losses, Method, TranslationConfig};
+use super::sampler::{Chance, uniform};
+use super::view::View;
+use crate::network::{Resnet, ResnetConfig};
+use crate::train::{Losses as Values, Parts};
+
+pub use cls2r::Cls2r;
+pub use cycle_gan::CycleGan;
+pub use gc_gan::GcGan;
+
+/// What a step is made of.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Simulated scans.
+    pub simulated: View,
+    /// Real scans, of other places.
+    pub real: View,
+    /// The run's seed.
+    pub seed: u64,
+    /// The step's number.
+    pub number: usize,
+    /// Adam's learning rate.
+    pub rate: f64,
+}
+
+/// What every method is told.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// The generator as it is trained: for cut-outs, or for whole turns.
+    pub generator: ResnetConfig,
+    /// How answers lose rays.
+    pub reporting: Reporting,
+    /// Weights of the losses.
+    pub losses: Losses,
+    /// Numbers of an answer's image, for what keeps answers.
+    pub image_numbers: usize,
+}
+
+/// A generator from simulated to real that plays against a discriminator, and whatever else a method needs.
+pub trait Adversarial {
+    /// One optimiser step of every network; the losses by name.
+    fn step(&mut self, step: &Step) -> Values;
+    /// The generator.
+    fn generator(&self) -> &Resnet;
+    /// All that the next step depends on.
+    fn save(&self, parts: &mut Parts) -> Result<()>;
+    /// Takes back what [`save`](Self::save) gave.
+    fn load(&mut self, parts: &Parts) -> Result<()>;
+}
+
+impl Step {
+    /// Uniform numbers that draw which rays of an answer are reported; each answer of a step has its own `number`.
+    fn uniform(&self, number: u8) -> Tensor<4> {
+        let [batch, _, rings, columns] = self.simulated.returned.dims();
+        let mut rng = Chance::RayDrop(number).of(self.seed, self.number);
+        uniform([batch, rings, columns], &mut rng, &self.simulated.returned.device())
+    }
+}
+
+/// The method of a config, with random weights; `None` for the one that plays against nobody.
+pub fn adversarial(config: &TranslationConfig, setting: Setting, device: &Device) -> Option<Box<dyn Adversarial>> {
+    match config.method {
+        Method::Cls2r => Some(Box::new(Cls2r::new(config, setting, device))),
+        Method::CycleGan => Some(Box::new(CycleGan::new(config, setting, device))),
+        Method::GcGan => Some(Box::new(GcGan::new(config, setting, device))),
+        Method::UNet => None,
+    }
+}
+
+/// Mean absolute difference of two images of one size.
+fn difference(a: Tensor<4>, b: Tensor<4>) -> Tensor<1> {
+    (a - b).abs().mean()
+}
+
+/// The value of a loss.
+fn value(loss: &Tensor<1>) -> f32 {
+    loss.clone().into_scalar::<f32>()
+}

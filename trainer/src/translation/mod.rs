@@ -1,0 +1,26 @@
+//! Translation of simulated scans into real ones, learned from scans of both that have nothing to do with each other: CLS2R, and what
+//! it is compared with.
+
+pub mod answer;
+pub mod augment;
+pub mod config;
+pub mod domain;
+pub mod examiner;
+mod game;
+pub mod learner;
+pub mod method;
+pub mod pool;
+pub mod realness;
+pub mod sampler;
+mod student;
+pub mod training;
+pub mod translator;
+pub mod view;
+
+pub use answer::Reporting;
+pub use config::{Method, TranslationConfig};
+pub use domain::Domain;
+pub use sampler::{Pair, Sampler};
+pub use training::{TranslationScores, best_network, train};
+pub use translator::Translator;
+pub use view::{Coding, Unreported, View};

@@ -1,0 +1,160 @@
+//! A translation's run, from its config to its scores.
+
+use std::path::Path;
+
+use anyhow::Result;
+use burn::tensor::Device;
+use proto::card::Score;
+use serde::{Deserialize, Serialize};
+
+use super::config::{Method, Split, TranslationConfig};
+use super::domain::{Domain, Grid};
+use super::examiner::Examiner;
+use super::learner::Translating;
+use super::method::{Setting, adversarial};
+use super::realness::Distance;
+use super::sampler::Sampler;
+use super::student::Supervised;
+use super::translator::Translator;
+use crate::config::DataConfig;
+use crate::data;
+use crate::data::Source;
+use crate::generator::Generator;
+use crate::loss::Weights;
+use crate::network::resnet::IMAGE_CHANNELS;
+use crate::network::{Measurement, UNet};
+use crate::train::checkpoint::load_network;
+use crate::train::run::best_of;
+use crate::train::supervised::Student;
+use crate::train::{Ending, Learner, Plan, Run, Trainee, teach};
+
+/// How real the answers of a run's best network are, on test scans.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TranslationScores {
+    /// Simulated test scans.
+    pub simulated_scans: usize,
+    /// Real test scans.
+    pub real_scans: usize,
+    /// Distances of the answers from real scans.
+    pub model: Vec<Distance>,
+    /// Distances of the simulated scans themselves.
+    pub simulation: Vec<Distance>,
+}
+
+impl TranslationScores {
+    /// For the model card.
+    pub fn to_card(&self) -> Vec<Score> {
+        let score = |(model, simulation): (&Distance, &Distance)| Score {
+            metric: format!("{}, from real", model.metric),
+            unit: model.unit.clone(),
+            model: model.value,
+            pass_through: simulation.value,
+            scans: self.simulated_scans,
+        };
+        self.model.iter().zip(&self.simulation).map(score).collect()
+    }
+
+    /// As a table for a terminal and for the README.
+    pub fn to_table(&self) -> String {
+        let row = |s: Score| format!("| {} | {} | {:.4} | {:.4} |\n", s.metric, s.unit, s.pass_through, s.model);
+        let rows: String = self.to_card().into_iter().map(row).collect();
+        format!(
+            "| distance | unit | simulation | model |\n|---|---|---|---|\n{rows}\n{} simulated scans, {} real ones of other places.\n",
+            self.simulated_scans, self.real_scans
+        )
+    }
+}
+
+/// The best network of a run.
+#[derive(Debug)]
+pub enum Trained {
+    /// Of a method that plays against a discriminator.
+    Translator(Box<Translator>),
+    /// Of the method that learns from real scans alone.
+    UNet(Box<UNet>),
+}
+
+impl Generator for Trained {
+    fn measure(&self, scan: burn::tensor::Tensor<4>) -> Measurement {
+        match self {
+            Self::Translator(network) => network.measure(scan),
+            Self::UNet(network) => network.measure(scan),
+        }
+    }
+}
+
+/// Trains a translation; leaves what every run leaves, and `scores.json` at the end.
+pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<TranslationScores>> {
+    let newest = run.open(&config.to_toml()?)?;
+    let grid = config.grid()?;
+    let load = |list: &[DataConfig]| Domain::load(&run.data, list, &grid);
+    let examiner = Examiner::new(load(&config.simulated.validate)?, load(&config.real.validate)?);
+    let mut learner = learner(config, run, &grid, examiner)?;
+    let schedule = &config.schedule;
+    let plan = Plan {
+        steps: schedule.steps,
+        checkpoint_every: schedule.checkpoint_every,
+        samples_every: schedule.samples_every,
+        patience: schedule.patience,
+    };
+    if teach(learner.as_mut(), &plan, run, newest.as_deref())? == Ending::Stopped {
+        return Ok(None);
+    }
+    let scores = scores(config, &run.out, &run.data)?;
+    lidar::formats::write_atomically(&run.out.join("scores.json"), &serde_json::to_vec_pretty(&scores)?)?;
+    Ok(Some(scores))
+}
+
+/// A config's method with random weights, and the scans that it learns from.
+fn learner(config: &TranslationConfig, run: &Run, grid: &Grid, examiner: Examiner) -> Result<Box<dyn Learner>> {
+    let load = |list: &[DataConfig]| Domain::load(&run.data, list, grid);
+    let real = load(&config.real.train)?;
+    let (schedule, losses, rings) = (config.schedule, config.losses, grid.sensor.rings().len());
+    let device = Device::flex().autodiff();
+    device.seed(config.seed);
+    let setting = Setting {
+        generator: config.training_generator()?,
+        reporting: config.reporting()?,
+        losses,
+        image_numbers: IMAGE_CHANNELS * rings * schedule.crop_columns,
+    };
+    if let Some(method) = adversarial(config, setting, &device) {
+        let sampler = Sampler {
+            simulated: load(&config.simulated.train)?,
+            real,
+            seed: config.seed,
+            batch: schedule.batch,
+            crop_columns: schedule.crop_columns,
+            augmentation: config.augmentation,
+        };
+        return Ok(Box::new(Translating::new(config, (method, setting), (sampler, examiner), device)));
+    }
+    let network = Trainee::new(config.unet.init(rings, &device), &schedule);
+    let source = Source { images: real.images, drops_observed: true };
+    let sampler = data::Sampler::new(vec![source], config.seed, schedule.batch, schedule.crop_columns);
+    let weights = Weights { reflectance: losses.reflectance, range: losses.range };
+    Ok(Box::new(Supervised { student: Student { network, sampler, device }, examiner, weights, schedule }))
+}
+
+/// The best network of a finished or unfinished run.
+pub fn best_network(config: &TranslationConfig, out: &Path) -> Result<Trained> {
+    let (device, path) = (Device::flex(), best_of(out));
+    Ok(if config.method == Method::UNet {
+        let rings = config.grid()?.sensor.rings().len();
+        Trained::UNet(Box::new(load_network(&path, config.unet.init(rings, &device))?))
+    } else {
+        let generator = load_network(&path, config.generator.init(&device))?;
+        Trained::Translator(Box::new(Translator::new(generator, config.reporting()?)))
+    })
+}
+
+/// Scores a run's best network on the test scans.
+pub fn scores(config: &TranslationConfig, out: &Path, data: &Path) -> Result<TranslationScores> {
+    let grid = config.grid()?;
+    let load = |split: &Split| Domain::load(data, &split.test, &grid);
+    let (simulated, real) = (load(&config.simulated)?, load(&config.real)?);
+    let (simulated_scans, real_scans) = (simulated.images.len(), real.images.len());
+    let examiner = Examiner::new(simulated, real);
+    let model = examiner.of(&best_network(config, out)?);
+    Ok(TranslationScores { simulated_scans, real_scans, model, simulation: examiner.of_simulation().to_vec() })
+}

@@ -1,0 +1,255 @@
+//! Translations between domains whose difference is known: the one that is real loses far rays.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use burn::tensor::{Device, Tensor, s};
+use lidar::{RangeImage, Sensor, formats};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use trainer::generator::Answer;
+use trainer::network::resnet::IMAGE_CHANNELS;
+use trainer::train::{Run, checkpoint};
+use trainer::translation::method::{Setting, Step, adversarial};
+use trainer::translation::sampler::scans;
+use trainer::translation::training::best_network;
+use trainer::translation::{Domain, Sampler, TranslationConfig, train};
+
+type Fact = Result<(), Box<dyn std::error::Error>>;
+
+const COLUMNS: usize = 64;
+/// Beyond it, the real sensor of these tests sees nothing.
+const FAR_M: f32 = 20.0;
+
+/// Walls at 4 to 12 m and at 30 to 80 m, eight columns wide each.
+fn walls(seed: u64) -> RangeImage {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut image = RangeImage::empty(16, COLUMNS);
+    for block in 0..COLUMNS / 8 {
+        let range_m = if rng.random_bool(0.5) { rng.random_range(4.0..12.0) } else { rng.random_range(30.0..80.0) };
+        for i in (0..16).flat_map(|ring| (0..8).map(move |column| ring * COLUMNS + 8 * block + column)) {
+            image.set(i, range_m + rng.random_range(-0.1..0.1), 0.5, 13);
+        }
+    }
+    image
+}
+
+fn without_far(mut image: RangeImage) -> RangeImage {
+    (0..16 * COLUMNS)
+        .filter(|i| image.range_m()[*i] > FAR_M)
+        .collect::<Vec<_>>()
+        .into_iter()
+        .for_each(|i| image.remove(i));
+    image
+}
+
+/// A config of a tiny network; `schedule` is what its table says beside the size of batches.
+fn config(method: &str, schedule: &str) -> Result<TranslationConfig, Box<dyn std::error::Error>> {
+    let data = |domain: &str, part: &str| {
+        format!(
+            "[[{domain}.{part}]]\npath = \"{domain}/{part}\"\ncolumns = {COLUMNS}\nsource = \"made up\"\nlicence = \"MIT\"\n"
+        )
+    };
+    let mut text = format!(
+        "name = \"toy\"\nsummary = \"A toy\"\nlicence = \"MIT\"\nsensor = \"vlp16\"\ncolumns = {COLUMNS}\nmethod = \"{method}\"\nseed = 3\n\
+         [generator]\nwidth = 8\nblocks = 2\noutput = \"correction\"\n[discriminator]\nwidth = 8\n\
+         [losses]\npatches = 64\n[unet]\nchannels = [16, 16, 16, 16]\n\
+         [schedule]\nbatch = 2\ncrop_columns = {COLUMNS}\nlearning_rate = 2e-3\naverage = 0.9\n{schedule}\n"
+    );
+    for domain in ["simulated", "real"] {
+        for part in ["train", "validate", "test"] {
+            text += &data(domain, part);
+        }
+    }
+    Ok(TranslationConfig::from_table(toml::from_str(&text)?)?)
+}
+
+/// How probable it is, on average, that rays nearer and farther than [`FAR_M`] are reported.
+fn keeps(answer: &[f32], image: &RangeImage) -> (f32, f32) {
+    let mean = |far: bool| {
+        let rays: Vec<f32> =
+            image.range_m().iter().zip(answer).filter(|(r, _)| (**r > FAR_M) == far).map(|(_, keep)| *keep).collect();
+        rays.iter().sum::<f32>() / rays.len() as f32
+    };
+    (mean(false), mean(true))
+}
+
+/// The probabilities after so many steps.
+fn learned(method: &str, steps: usize) -> Result<(f32, f32), Box<dyn std::error::Error>> {
+    let config = config(method, "")?;
+    let device = Device::flex().autodiff();
+    device.seed(5);
+    let setting = Setting {
+        generator: config.training_generator()?,
+        reporting: config.reporting()?,
+        losses: config.losses,
+        image_numbers: IMAGE_CHANNELS * 16 * COLUMNS,
+    };
+    let mut learner = adversarial(&config, setting, &device).ok_or("it plays against nobody")?;
+    let domain = |images: Vec<RangeImage>| Domain { images, datasets: vec![] };
+    let sampler = Sampler {
+        simulated: domain((0..20).map(walls).collect()),
+        real: domain((100..120).map(walls).map(without_far).collect()),
+        seed: 1,
+        batch: config.schedule.batch,
+        crop_columns: COLUMNS,
+        augmentation: config.augmentation,
+    };
+    let coding = setting.reporting.coding;
+    for number in 0..steps {
+        let pair = sampler.pair(number, &device);
+        let (simulated, real) = (coding.view(&pair.simulated), coding.view(&pair.real));
+        learner.step(&Step { simulated, real, seed: 1, number, rate: config.schedule.rate(number) });
+    }
+    let image = walls(1000);
+    let view = coding.view(&scans(std::slice::from_ref(&image), &device));
+    let logit: Tensor<4> = learner.generator().forward(view.image, &view.condition).keep_logit;
+    let keep: Vec<f32> = burn::tensor::activation::sigmoid(logit).slice(s![0..1]).into_data().iter::<f32>().collect();
+    Ok(keeps(&keep, &image))
+}
+
+#[test]
+fn cls2r_learns_which_rays_are_lost() -> Fact {
+    let (near, far) = learned("cls2r", 60)?;
+    assert!(near > 0.8 && far < 0.3, "near rays are kept with {near}, far ones with {far}");
+    Ok(())
+}
+
+#[test]
+fn cycle_gan_learns_which_rays_are_lost() -> Fact {
+    let (near, far) = learned("cyclegan", 60)?;
+    assert!(near > 0.8 && far < 0.3, "near rays are kept with {near}, far ones with {far}");
+    Ok(())
+}
+
+#[test]
+fn gc_gan_learns_which_rays_are_lost() -> Fact {
+    let (near, far) = learned("gcgan", 60)?;
+    assert!(near > 0.8 && far < 0.3, "near rays are kept with {near}, far ones with {far}");
+    Ok(())
+}
+
+/// Scans of both domains in files, four of each part.
+fn write_domains(root: &Path) -> Fact {
+    let sensor = Sensor::builtin("vlp16")?.with_columns(COLUMNS)?;
+    for (domain, real) in [("simulated", false), ("real", true)] {
+        for (part, first) in [("train", 0), ("validate", 10), ("test", 20)] {
+            let folder = root.join(domain).join(part);
+            std::fs::create_dir_all(&folder)?;
+            for seed in 0..4 {
+                let image = walls(first + seed + if real { 100 } else { 0 });
+                let image = if real { without_far(image) } else { image };
+                formats::write(&folder.join(format!("{seed}.ply")), &image.to_cloud(&sensor))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn run(root: &Path) -> Run {
+    Run { out: root.join("run"), data: root.into(), resume: false, stop_after: None }
+}
+
+#[test]
+fn a_run_leaves_a_network_its_scores_its_log_and_pictures() -> Fact {
+    for method in ["cls2r", "unet"] {
+        let root = tempfile::tempdir()?;
+        write_domains(root.path())?;
+        let config = config(method, "steps = 4\ncheckpoint_every = 2\nsamples_every = 2")?;
+        let run = run(root.path());
+        let scores = train(&config, &run)?.ok_or("the run did not end")?;
+        assert_eq!((scores.simulated_scans, scores.real_scans, scores.model.len()), (4, 4, 3));
+        // The simulation loses no ray, the real sensor about half.
+        assert!(scores.simulation[0].value > 0.2, "{scores:?}");
+        let image = walls(1);
+        let answer = Answer::new(&best_network(&config, &run.out)?, &image, &Device::flex());
+        assert!(answer.keep.iter().all(|p| (0.0..=1.0).contains(p)) && answer.range_m.iter().all(|r| r.is_finite()));
+        let log = std::fs::read_to_string(run.out.join("log.jsonl"))?;
+        assert_eq!(log.lines().filter(|line| line.contains("validation")).count(), 2);
+        let picture = image::open(run.out.join("samples/0000004.png"))?;
+        assert!(picture.width() > 1000);
+        let newest = checkpoint::newest(&run.out)?.ok_or("no checkpoint")?;
+        assert!(newest.ends_with("checkpoint-0000004"));
+    }
+    Ok(())
+}
+
+#[test]
+fn damaged_weights_are_an_error_and_never_a_random_network() -> Fact {
+    let root = tempfile::tempdir()?;
+    write_domains(root.path())?;
+    let config = config("cls2r", "steps = 1\ncheckpoint_every = 1")?;
+    let run = run(root.path());
+    train(&config, &run)?;
+    let whole = std::fs::read(run.best())?;
+    std::fs::write(run.best(), &whole[..whole.len() / 2])?;
+    assert!(best_network(&config, &run.out).is_err());
+    Ok(())
+}
+
+/// The binary in a process of its own, as a user starts it.
+fn start(root: &Path, out: &str, arguments: &[&str]) -> std::io::Result<std::process::Child> {
+    std::process::Command::new(env!("CARGO_BIN_EXE_realbeam-trainer"))
+        .arg("train")
+        .arg(root.join("config.toml"))
+        .arg("--data")
+        .arg(root)
+        .arg("--out")
+        .arg(root.join(out))
+        .args(arguments)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+}
+
+#[test]
+fn runs_that_were_killed_again_and_again_end_in_the_same_bits() -> Fact {
+    // CycleGAN has most to remember: four networks, their optimisers, two pools of earlier answers, the average.
+    for (method, kills) in [("cyclegan", 3), ("cls2r", 1)] {
+        let root = tempfile::tempdir()?;
+        write_domains(root.path())?;
+        let schedule = "steps = 12\ncheckpoint_every = 1\nsamples_every = 0\ndecay_every = 5";
+        std::fs::write(root.path().join("config.toml"), config(method, schedule)?.to_toml()?)?;
+        assert!(start(root.path(), "whole", &[])?.wait()?.success());
+
+        let out = root.path().join("killed");
+        for kill in 0..kills {
+            let resume: &[&str] = if kill == 0 { &[] } else { &["--resume"] };
+            let mut child = start(root.path(), "killed", resume)?;
+            let begun = Instant::now();
+            let newest = || out.exists().then(|| checkpoint::newest(&out)).transpose();
+            let before = newest()?;
+            // After some further checkpoints, wherever the run then is: in a step, or in writing a checkpoint.
+            while newest()? == before && child.try_wait()?.is_none() {
+                assert!(begun.elapsed() < Duration::from_secs(120), "no checkpoint");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            std::thread::sleep(Duration::from_millis(7 * kill));
+            child.kill()?;
+            child.wait()?;
+        }
+        // What a kill in the middle of writing leaves behind.
+        let half = out.join(".checkpoint-half");
+        std::fs::create_dir_all(&half)?;
+        std::fs::write(half.join("generator.bpk"), b"half of")?;
+        assert!(start(root.path(), "killed", &["--resume"])?.wait()?.success());
+        assert!(!half.exists(), "what was half-written is swept away");
+
+        let last = |run: &str| -> Result<_, Box<dyn std::error::Error>> {
+            let newest = checkpoint::newest(&root.path().join(run))?.ok_or("no checkpoint")?;
+            Ok(checkpoint::load(&newest)?)
+        };
+        let ((_, whole), (_, killed)) = (last("whole")?, last("killed")?);
+        assert_eq!(whole, killed);
+        let values = |run: &str| -> Result<Vec<f32>, Box<dyn std::error::Error>> {
+            let config = config(method, schedule)?;
+            let network = best_network(&config, &root.path().join(run))?;
+            let answer = Answer::new(&network, &walls(7), &Device::flex());
+            Ok([answer.range_m, answer.reflectance, answer.keep].concat())
+        };
+        assert!(values("whole")? == values("killed")?, "{method}: the networks differ");
+        let log = |run: &str| std::fs::read_to_string(root.path().join(run).join("log.jsonl"));
+        assert_eq!(log("whole")?, log("killed")?, "{method}: every step stands in the log once");
+    }
+    Ok(())
+}
