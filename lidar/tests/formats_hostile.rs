@@ -193,6 +193,7 @@ fn cloud(points: usize) -> PointCloud {
         time_s: Some((0..points).map(|i| i as f64 * 1e-6).collect()),
         return_number: Some(vec![1; points]),
         extra: vec![Column { name: "echo".into(), values: Values::I16(vec![-3; points]) }],
+        ros: None,
     }
 }
 

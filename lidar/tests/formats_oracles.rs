@@ -29,6 +29,7 @@ fn cloud() -> PointCloud {
         time_s: Some((0..POINTS).map(|i| i as f64 * 1e-6).collect()),
         return_number: Some((0..POINTS).map(|i| 1 + i as u8 % 3).collect()),
         extra: vec![Column { name: "echo".into(), values: Values::I16((0..POINTS).map(|i| -(i as i16)).collect()) }],
+        ros: None,
     }
 }
 

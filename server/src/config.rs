@@ -90,7 +90,7 @@ impl Default for RequestLimits {
 
 impl Default for ConnectionLimits {
     fn default() -> Self {
-        Self { max: 512, idle_time: Duration::from_secs(60), write_time: Duration::from_secs(30) }
+        Self { max: 512, idle_time: Duration::from_mins(1), write_time: Duration::from_secs(30) }
     }
 }
 

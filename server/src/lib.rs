@@ -35,3 +35,4 @@ pub use model::Model;
 pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
 pub use repository::Repository;
 pub use serve::{Server, serve};
+pub use worker::Caller;

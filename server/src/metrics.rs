@@ -17,12 +17,15 @@ use crate::stopwatch::{Stage, StageTimes};
 type Label<V> = (&'static str, V);
 
 /// Everything that is counted from the start on.
+/// Seconds by the value of one label.
+type Seconds<L> = Family<[Label<L>; 1], Histogram, fn() -> Histogram>;
+
 #[derive(Debug)]
 pub(crate) struct Metrics {
     registry: Registry,
     requests: Family<[Label<String>; 2], Counter>,
-    request_seconds: Family<[Label<String>; 1], Histogram, fn() -> Histogram>,
-    stage_seconds: Family<[Label<&'static str>; 1], Histogram, fn() -> Histogram>,
+    request_seconds: Seconds<String>,
+    stage_seconds: Seconds<&'static str>,
     rejected: Family<[Label<String>; 1], Counter>,
     points: Family<[Label<&'static str>; 1], Counter>,
     nonfinite_points: Counter,
@@ -86,7 +89,7 @@ impl Metrics {
         self.refused_connections.clone()
     }
 
-    /// All figures in the text format of OpenMetrics, with those that are what they are now: bytes under way, the queues, the models.
+    /// All figures in the text format of `OpenMetrics`, with those that are what they are now: bytes under way, the queues, the models.
     pub(crate) fn text(&self, catalogue: &Catalogue, inflight_bytes: usize) -> String {
         let mut now = prefixed();
         let inflight: Gauge = Gauge::default();

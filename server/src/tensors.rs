@@ -10,7 +10,7 @@ use crate::onnx_file::Axis;
 
 /// Tensors without an answer.
 #[derive(Debug, Error)]
-pub enum TensorError {
+pub(crate) enum TensorError {
     /// They are not the model's inputs.
     #[error("inputs are `{found}`, expected `{expected}`")]
     Inputs {

@@ -10,7 +10,7 @@ use onnx::{Axis, Composition, Exporter, base_of};
 use proto::Frame;
 use proto::card::tensor::{KEEP, RANGE, REFLECTANCE};
 use proto::card::{Card, METADATA_KEY};
-use server::{Chance, Model, Pipeline, ScanJob};
+use server::{Caller, Chance, Model, Pipeline, ScanJob};
 use tests::models;
 
 type Fact = Result<(), Box<dyn std::error::Error>>;
@@ -52,7 +52,7 @@ fn answer(onnx: &[u8], scan: &Path) -> Result<PointCloud, Box<dyn std::error::Er
         chance: Chance { seed: 3, ..Chance::default() },
         limits: Limits::default(),
     };
-    let answer = Pipeline::new(&Arc::new(Model::from_bytes(onnx.to_vec())?), 1)?.run(&job)?;
+    let answer = Pipeline::new(&Arc::new(Model::from_bytes(onnx.to_vec())?), 1)?.run(&job, Caller::PATIENT)?;
     Ok(formats::decode(Format::Ply, &answer.bytes, &Limits::default())?)
 }
 

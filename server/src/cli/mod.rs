@@ -34,7 +34,7 @@ enum Command {
     /// Answer scans over HTTP.
     Serve(Box<Serve>),
     /// Convert a file, or every scan of a folder.
-    Convert(Convert),
+    Convert(Box<Convert>),
     /// Print a model's card, inputs and outputs.
     Inspect(ModelChoice),
 }

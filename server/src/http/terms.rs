@@ -96,7 +96,7 @@ impl Terms {
         let superseded = async {
             let Some(superseded) = superseded else { return pending().await };
             if superseded.await.is_err() {
-                pending().await
+                pending::<()>().await;
             }
         };
         tokio::select! {

@@ -44,18 +44,15 @@ pub(crate) async fn listen(listener: TcpListener, Guests { router, limits, refus
         };
         // Answers go out whole; without this the last packet may wait for an acknowledgement.
         let _ = stream.set_nodelay(true);
-        match Arc::clone(&places).try_acquire_owned() {
-            Ok(place) => {
-                let (router, stop) = (router.clone(), stop.clone());
-                connections.spawn(async move {
-                    connection::serve(stream, router, limits, stop).await;
-                    drop(place);
-                });
-            }
-            Err(_) => {
-                refused.inc();
-                connections.spawn(connection::refuse(stream, limits.max));
-            }
+        if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
+            let (router, stop) = (router.clone(), stop.clone());
+            connections.spawn(async move {
+                connection::serve(stream, router, limits, stop).await;
+                drop(place);
+            });
+        } else {
+            refused.inc();
+            connections.spawn(connection::refuse(stream, limits.max));
         }
     }
     drop(listener);

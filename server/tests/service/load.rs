@@ -91,7 +91,7 @@ fn bodies_are_let_in_by_their_announced_length_and_the_others_told_to_wait() -> 
     assert_eq!((refused.error()?.code, refused.header("retry-after")), (ErrorCode::TooManyBytes, "1"));
     assert!(refused.error()?.error.contains("bodies of 288000 bytes are under way"), "{}", refused.error()?.error);
     drop(second);
-    first.write_all(&[0; 96_000])?;
+    first.write_all(&vec![0; 96_000])?;
     assert!(rest(&mut first)?.starts_with("HTTP/1.1 422"), "all points lie at the origin");
     service.scan("", &[], &body)?.success()?;
     Ok(())

@@ -59,7 +59,7 @@ impl Glance {
         let effort = Effort { target, ..Manner::GLANCE.effort };
         let attempt = |start: &Term, widths: &[f64]| {
             let scan = !widths.is_empty();
-            let manner = Manner { widths, scan, effort, known: known.as_ref(), ..Manner::GLANCE };
+            let manner = Manner { widths, scan, effort, known: known.as_ref() };
             let mut free = vec![noise.clone(), Free::all(start.clone())];
             free.extend(akin.iter().cloned());
             fit(model, &free, &on, manner)

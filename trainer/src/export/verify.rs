@@ -40,7 +40,7 @@ pub(super) fn agrees(network: &impl Generator, onnx: &[u8], card: &Card) -> Resu
             let (shape, found) = outputs[name].try_extract_tensor::<f32>()?;
             ensure!(**shape == [batch as i64, 1, rings as i64, columns as i64], "`{name}` has shape {shape:?}");
             let expected: Vec<f32> = burn.into_data().iter::<f32>().collect();
-            let off = |(a, b): (&f32, &f32)| !((a - b).abs() <= TOLERANCE * scale);
+            let off = |(a, b): (&f32, &f32)| (a - b).is_nan() || (a - b).abs() > TOLERANCE * scale;
             let differ = found.iter().zip(&expected).filter(|(a, b)| off((*a, *b))).count();
             ensure!(
                 differ as f64 <= FLIPPED * found.len() as f64,

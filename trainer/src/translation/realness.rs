@@ -69,7 +69,7 @@ fn ranges(images: &[RangeImage], ring: usize) -> [f64; RANGE_BINS] {
 /// Half the Kullback-Leibler divergences of two distributions from their mean, in bits: 0 to 1.
 fn jensen_shannon(a: &[f64], b: &[f64]) -> f64 {
     let part = |p: f64, q: f64| if p > 0.0 { p * (2.0 * p / (p + q)).log2() } else { 0.0 };
-    a.iter().zip(b).map(|(p, q)| (part(*p, *q) + part(*q, *p)) / 2.0).sum()
+    a.iter().zip(b).map(|(p, q)| part(*p, *q).midpoint(part(*q, *p))).sum()
 }
 
 /// Quantiles of the reflectance of all returns.

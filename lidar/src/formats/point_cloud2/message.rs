@@ -95,7 +95,12 @@ pub(super) fn check_layout(fields: &[PointField], point_step: usize, offset: usi
     for (start, end, field) in spans {
         let span = || format!("bytes {start} to {end} for `{}`", field.field.name);
         if end > point_step {
-            return Err(FormatError::field("fields", offset, format!("within point_step = {point_step} bytes"), span()));
+            return Err(FormatError::field(
+                "fields",
+                offset,
+                format!("within point_step = {point_step} bytes"),
+                span(),
+            ));
         }
         if start < taken {
             return Err(FormatError::field("fields", offset, format!("nothing before byte {taken} twice"), span()));
@@ -111,8 +116,9 @@ impl PointField {
         let offset = reader.u32("field offset")? as usize;
         let type_at = reader.position();
         let datatype = reader.u8("field datatype")?;
-        let number_type = number_type(datatype)
-            .ok_or_else(|| FormatError::field("field datatype", type_at, "1 to 8", format!("{datatype} for `{name}`")))?;
+        let number_type = number_type(datatype).ok_or_else(|| {
+            FormatError::field("field datatype", type_at, "1 to 8", format!("{datatype} for `{name}`"))
+        })?;
         let stated_count = reader.u32("field count")?;
         let field = Field { name: name.into(), number_type, count: (stated_count as usize).max(1) };
         Ok(Self { field, offset, stated_count })

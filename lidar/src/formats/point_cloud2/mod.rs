@@ -39,7 +39,8 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, Format
     let endian = reader.endian();
     reader.end()?;
 
-    let rows = if points == 0 { Rows::NONE } else { Rows::new(data, [height, width], [point_step, row_step], data_at)? };
+    let rows =
+        if points == 0 { Rows::NONE } else { Rows::new(data, [height, width], [point_step, row_step], data_at)? };
     let columns = fields.iter().filter(|field| !field.is_padding());
     let columns: Vec<Column> = columns.flat_map(|field| rows.columns(field, data_endian)).collect();
     let mut cloud = if points == 0 && columns.is_empty() {

@@ -30,7 +30,8 @@ struct Placed<'a> {
 fn serialise(cloud: &PointCloud, message: &RosMessage, columns: &[Placed<'_>]) -> Result<Vec<u8>, FormatError> {
     let points = cloud.len();
     let bytes = points.saturating_mul(message.point_step);
-    let too_many = |found: String| FormatError::TooMany { field: "data".into(), offset: 0, found, limit: u32::MAX as usize };
+    let too_many =
+        |found: String| FormatError::TooMany { field: "data".into(), offset: 0, found, limit: u32::MAX as usize };
     let data_length = u32::try_from(bytes).map_err(|_| too_many(format!("{bytes} bytes")))?;
     let width = u32::try_from(points).map_err(|_| too_many(format!("{points} points")))?;
 
