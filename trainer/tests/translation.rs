@@ -1,6 +1,6 @@
 //! Translations between domains whose difference is known: the one that is real loses far rays.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use burn::tensor::{Device, Tensor, s};
@@ -12,6 +12,7 @@ use trainer::network::resnet::IMAGE_CHANNELS;
 use trainer::train::{Run, checkpoint};
 use trainer::translation::method::{Setting, Step, adversarial};
 use trainer::translation::sampler::scans;
+use trainer::translation::table::Table;
 use trainer::translation::training::best_network;
 use trainer::translation::{Domain, Sampler, TranslationConfig, train};
 
@@ -221,7 +222,7 @@ fn runs_that_were_killed_again_and_again_end_in_the_same_bits() -> Fact {
             let before = newest()?;
             // After some further checkpoints, wherever the run then is: in a step, or in writing a checkpoint.
             while newest()? == before && child.try_wait()?.is_none() {
-                assert!(begun.elapsed() < Duration::from_secs(120), "no checkpoint");
+                assert!(begun.elapsed() < Duration::from_mins(2), "no checkpoint");
                 std::thread::sleep(Duration::from_millis(1));
             }
             std::thread::sleep(Duration::from_millis(7 * kill));
@@ -251,5 +252,56 @@ fn runs_that_were_killed_again_and_again_end_in_the_same_bits() -> Fact {
         let log = |run: &str| std::fs::read_to_string(root.path().join(run).join("log.jsonl"));
         assert_eq!(log("whole")?, log("killed")?, "{method}: every step stands in the log once");
     }
+    Ok(())
+}
+
+/// Config files of two rows of so many steps each, and the table's.
+fn write_table(root: &Path, steps: [usize; 2]) -> Result<PathBuf, Box<dyn std::error::Error>> {
+    for (method, steps) in ["gcgan", "unet"].into_iter().zip(steps) {
+        let config = config(method, &format!("steps = {steps}\ncheckpoint_every = 1\nsamples_every = 0"))?;
+        std::fs::write(root.join(method).with_extension("toml"), config.to_toml()?)?;
+    }
+    let row = |method: &str| format!("[[row]]\nname = \"{method}\"\nconfig = \"{method}.toml\"\n");
+    let path = root.join("table.toml");
+    std::fs::write(&path, format!("seeds = [1, 2]\n{}{}", row("gcgan"), row("unet")))?;
+    Ok(path)
+}
+
+#[test]
+fn a_table_trains_what_is_missing_and_nothing_twice() -> Fact {
+    let root = tempfile::tempdir()?;
+    write_domains(root.path())?;
+    let (table, out) = (Table::read(&write_table(root.path(), [2, 2])?)?, root.path().join("runs"));
+    let text = table.run(root.path(), &out)?;
+    assert_eq!(text.lines().take_while(|line| line.starts_with('|')).count(), 6, "{text}");
+    assert!(text.contains("| unet | ") && text.contains(" ± ") && text.contains("2 steps of 2 cut-outs"), "{text}");
+
+    // One run was interrupted before it was scored; then one was never begun.
+    let seed = |row: &str, seed: usize| out.join(row).join(format!("seed-{seed}"));
+    let untouched = || std::fs::metadata(seed("gcgan", 1).join("log.jsonl"))?.modified();
+    let begun = untouched()?;
+    std::fs::remove_file(seed("unet", 1).join("scores.json"))?;
+    assert_eq!(table.run(root.path(), &out)?, text);
+    std::fs::remove_dir_all(seed("gcgan", 2))?;
+    table.run(root.path(), &out)?;
+    assert!(seed("gcgan", 2).join("scores.json").exists());
+    assert_eq!(untouched()?, begun);
+
+    let refused = Table::read(&write_table(root.path(), [2, 3])?);
+    assert!(refused.is_err_and(|e| e.to_string().contains("budget")));
+    Ok(())
+}
+
+#[test]
+fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/translation");
+    for name in ["unet", "baseline", "cyclegan", "gcgan", "contrastive", "cls2r", "fast"] {
+        let read = |folder: PathBuf| TranslationConfig::read(&folder.join(name).with_extension("toml"));
+        let (paper, small) = (read(folder.clone())?, read(folder.join("small"))?);
+        assert_eq!((paper.method, paper.ray_drop), (small.method, small.ray_drop), "{name}");
+        assert_eq!(paper.generator.condition, small.generator.condition, "{name}");
+        assert!(small.schedule.steps < paper.schedule.steps, "{name}");
+    }
+    Table::read(&folder.join("small/table.toml"))?;
     Ok(())
 }

@@ -13,6 +13,7 @@ pub mod pool;
 pub mod realness;
 pub mod sampler;
 mod student;
+pub mod table;
 pub mod training;
 pub mod translator;
 pub mod view;

@@ -1,0 +1,188 @@
+//! Methods side by side: every row trained with several seeds and one budget, and what came of it as a table.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use serde::{Deserialize, Serialize};
+
+use super::config::{Split, TranslationConfig};
+use super::domain::Domain;
+use super::realness::{Distance, distances};
+use super::training::{TranslationScores, train};
+use crate::train::{Run, checkpoint};
+
+/// What is compared: a TOML file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableConfig {
+    /// Seeds that every row is trained with.
+    pub seeds: Vec<u64>,
+    /// The rows.
+    pub row: Vec<RowConfig>,
+}
+
+/// A row.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowConfig {
+    /// What it is called.
+    pub name: String,
+    /// The config that its runs are of, relative to the table's file; its seed is replaced.
+    pub config: PathBuf,
+}
+
+/// The rows with their configs, on one budget.
+#[derive(Clone, Debug)]
+pub struct Table {
+    seeds: Vec<u64>,
+    rows: Vec<(String, TranslationConfig)>,
+}
+
+/// Scores of one row, a set a seed.
+type Scored<'t> = (&'t str, Vec<TranslationScores>);
+
+impl Table {
+    /// Reads a table's file and its rows' configs.
+    ///
+    /// Rows that differ in data, grid or budget are refused: their scores would say nothing about their methods.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read table {}", path.display()))?;
+        let config: TableConfig = toml::from_str(&text).with_context(|| format!("table {}", path.display()))?;
+        ensure!(!config.seeds.is_empty() && !config.row.is_empty(), "table {}: no seeds or no rows", path.display());
+        let row = |row: RowConfig| Ok((row.name, TranslationConfig::read(&path.with_file_name(row.config))?));
+        let rows: Vec<_> = config.row.into_iter().map(row).collect::<Result<_>>()?;
+        let budget = |config: &TranslationConfig| -> Result<String> {
+            let s = &config.schedule;
+            let data = toml::to_string(&config.simulated)? + &toml::to_string(&config.real)?;
+            Ok(format!(
+                "{} steps of {} scans, {} columns of {:?} of {}\n{data}",
+                s.steps, s.batch, s.crop_columns, config.columns, config.sensor
+            ))
+        };
+        let (first, expected) = (&rows[0].0, budget(&rows[0].1)?);
+        for (name, config) in &rows {
+            let found = budget(config)?;
+            ensure!(found == expected, "row {name} differs in budget or data from {first}:\n{found}\n{expected}");
+        }
+        Ok(Self { seeds: config.seeds, rows })
+    }
+
+    /// Trains what has not ended yet, each run in a folder of its own under `out`, and returns the table.
+    pub fn run(&self, data: &Path, out: &Path) -> Result<String> {
+        let mut scored: Vec<Scored> = self.rows.iter().map(|(name, _)| (name.as_str(), vec![])).collect();
+        // Seed by seed, so that a table that is not finished yet has all its rows.
+        for seed in &self.seeds {
+            for ((name, config), (_, scores)) in self.rows.iter().zip(&mut scored) {
+                let config = TranslationConfig { seed: *seed, ..config.clone() };
+                let folder = out.join(folder_name(name)).join(format!("seed-{seed}"));
+                scores.push(run(&config, data, folder).with_context(|| format!("row {name}, seed {seed}"))?);
+            }
+        }
+        self.print(&scored, &self.floor(data)?)
+    }
+
+    /// Distances of the real scans that are learned from to those that are scored on: what a perfect translation could be expected to have.
+    fn floor(&self, data: &Path) -> Result<Vec<Distance>> {
+        let config = &self.rows[0].1;
+        let grid = config.grid()?;
+        let Split { train, test, .. } = &config.real;
+        let load = |list| Domain::load(data, list, &grid);
+        Ok(distances(&load(train)?.images, &load(test)?.images))
+    }
+
+    fn print(&self, scored: &[Scored], floor: &[Distance]) -> Result<String> {
+        let simulation = &scored[0].1[0].simulation;
+        let mut out = String::from("| |");
+        for d in simulation {
+            let unit = if d.unit.is_empty() { String::new() } else { format!(" ({})", d.unit) };
+            write!(out, " {}{unit} |", d.metric)?;
+        }
+        out += "\n|---|";
+        out += &"---|".repeat(simulation.len());
+        let plain = |out: &mut String, name: &str, distances: &[Distance]| -> Result<()> {
+            write!(out, "\n| {name} |")?;
+            for d in distances {
+                write!(out, " {:.4} |", d.value)?;
+            }
+            Ok(())
+        };
+        plain(&mut out, "simulation", simulation)?;
+        for (name, scores) in scored {
+            write!(out, "\n| {name} |")?;
+            for (i, (from, to)) in simulation.iter().zip(floor).enumerate() {
+                let values: Vec<f64> = scores.iter().map(|s| s.model[i].value).collect();
+                let (mean, half_width) = mean_and_interval(&values);
+                let closed = 100.0 * (from.value - mean) / (from.value - to.value);
+                let interval = half_width.map_or_else(String::new, |half_width| format!(" ± {half_width:.4}"));
+                write!(out, " {mean:.4}{interval} ({closed:.0} %) |")?;
+            }
+        }
+        plain(&mut out, "real scans of another drive", floor)?;
+        let (config, seeds) = (&self.rows[0].1, self.seeds.len());
+        let s = &config.schedule;
+        write!(
+            out,
+            "\n\nMean of {seeds} seeds ± half of its 95 % interval (Student's t), and the share of the gap between simulation and other real\n\
+             scans that is closed; {} steps of {} cut-outs of {} columns each.\n",
+            s.steps, s.batch, s.crop_columns
+        )?;
+        Ok(out)
+    }
+}
+
+/// The scores of a run that has ended; trains it before if it has not, from where it was interrupted.
+fn run(config: &TranslationConfig, data: &Path, out: PathBuf) -> Result<TranslationScores> {
+    let scores = out.join("scores.json");
+    let begun = out.exists() && checkpoint::newest(&out)?.is_some();
+    if begun && scores.exists() {
+        let before = std::fs::read_to_string(out.join("config.toml"))?;
+        ensure!(before == config.to_toml()?, "{} is a run of another config", out.display());
+        return serde_json::from_slice(&std::fs::read(&scores)?).with_context(|| scores.display().to_string());
+    }
+    tracing::info!(run = %out.display(), "training");
+    let run = Run { out, data: data.into(), resume: begun, stop_after: None };
+    train(config, &run)?.context("a run without an end before its last step has scores")
+}
+
+/// A row's name as that of a folder.
+fn folder_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
+}
+
+/// Mean, and half the width of its 95 % interval by Student's t, where there is more than one value.
+fn mean_and_interval(values: &[f64]) -> (f64, Option<f64>) {
+    /// 97.5 % quantiles of Student's t with 1 to 9 degrees of freedom.
+    const T: [f64; 9] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
+    let n = values.len();
+    let mean = values.iter().sum::<f64>() / n as f64;
+    if n < 2 {
+        return (mean, None);
+    }
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
+    // Beyond nine the normal quantile is too narrow by less than a sixth, which this makes up for.
+    let t = T.get(n - 2).copied().unwrap_or(1.96 + 2.7 / (n - 1) as f64);
+    (mean, Some(t * (variance / n as f64).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_is_students() {
+        // Three values 1, 2, 3: 4.303 · 1/√3.
+        let (mean, half_width) = mean_and_interval(&[1.0, 2.0, 3.0]);
+        assert!(
+            (mean - 2.0).abs() < 1e-12 && half_width.is_some_and(|w| (w - 2.4843).abs() < 1e-3),
+            "{mean} {half_width:?}"
+        );
+        assert_eq!(mean_and_interval(&[1.0]), (1.0, None));
+    }
+
+    #[test]
+    fn every_row_has_a_folder_of_its_own() {
+        assert_eq!(folder_name("+ RS"), "--rs");
+        assert_eq!(folder_name("CLS2R"), "cls2r");
+    }
+}
