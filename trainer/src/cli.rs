@@ -2,8 +2,11 @@
 
 mod benchmark;
 mod calibrate;
+mod compare;
 mod elevation;
 mod runs;
+mod segment;
+mod table;
 mod unpaired;
 
 use std::path::PathBuf;
@@ -17,6 +20,8 @@ use trainer::simulate::{Simulation, simulate};
 
 use benchmark::BenchmarkArgs;
 use calibrate::CalibrateArgs;
+use compare::CompareArgs;
+use segment::SegmentArgs;
 
 /// Learn what a real lidar makes of a simulated scan.
 #[derive(Debug, Parser)]
@@ -32,8 +37,14 @@ enum Command {
     Train(runs::TrainArgs),
     /// Score the best network of a run on its config's test scans, beside doing nothing.
     Evaluate(runs::EvaluateArgs),
+    /// Judge scans that somebody made against scans that a sensor took: how real they look, and how true they are to their simulation.
+    Compare(CompareArgs),
+    /// Train and score the segmentation network by whose features scans are compared.
+    Segment(SegmentArgs),
     /// Publish the best networks of runs as the next versions under models/.
     Export(runs::ExportArgs),
+    /// Train several methods with several seeds on one budget, and print what came of it side by side.
+    Table(table::TableArgs),
     /// Ray cast made-up streets, or a mesh: labelled scans where no simulator is at hand.
     Simulate(SimulateArgs),
     /// Find what a sensor does that its model lacks, and add it to the model.
@@ -97,7 +108,10 @@ impl Cli {
         match self.command {
             Command::Train(args) => args.run()?,
             Command::Evaluate(args) => println!("{}", args.table()?),
+            Command::Compare(args) => args.run()?,
+            Command::Segment(args) => args.run()?,
             Command::Export(args) => args.run()?,
+            Command::Table(args) => args.run()?,
             Command::Simulate(args) => {
                 let pose = Pose {
                     position_m: [args.position_m[0], args.position_m[1], args.position_m[2]],

@@ -10,6 +10,8 @@ pub mod export;
 pub mod generator;
 pub mod loss;
 pub mod network;
+pub mod realness;
+pub mod segmentation;
 pub mod sensor_report;
 pub mod sets;
 pub mod simulate;
