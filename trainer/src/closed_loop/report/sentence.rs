@@ -30,7 +30,8 @@ pub(super) fn filled(does: &str, term: &Term, stderr: &[f64]) -> String {
         negative = is_signed && value < 0.0;
         let shown = if negative { -value } else { value };
         if parameter.name.ends_with("_ring") {
-            text.push_str(&digits(shown.round().clamp(0.0, term.rings() as f64 - 1.0), 4));
+            // A cast keeps what is below 0 at 0.
+            text.push_str(&(shown.round() as usize).min(term.rings() - 1).to_string());
         } else {
             text.push_str(&with_error(shown, stderr.get(range.start).copied().unwrap_or(f64::NAN), unit));
         }
