@@ -16,19 +16,24 @@ use super::resnet::IMAGE_CHANNELS;
 /// Slope of the rectifiers below zero.
 const LEAK: f64 = 0.2;
 
+/// Deep layers have eight times the first one's channels at most.
+const MOST_DOUBLINGS: usize = 3;
+
 /// Size of a [`PatchGan`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PatchGanConfig {
     /// Channels of the first layer; the papers' ndf.
     pub width: usize,
+    /// Halvings: 3 for patches of 70×70 pixels, as in the papers; 2 for 34×34, 1 for 16×16, which sensors of few rings need.
+    pub halvings: usize,
     /// What keeps features in bounds.
     pub norm: NormKind,
 }
 
 impl Default for PatchGanConfig {
     fn default() -> Self {
-        Self { width: 64, norm: NormKind::Instance }
+        Self { width: 64, halvings: 3, norm: NormKind::Instance }
     }
 }
 
@@ -43,27 +48,32 @@ pub struct PatchGan {
 impl PatchGanConfig {
     /// A network with random weights.
     pub fn init(&self, device: &Device) -> PatchGan {
+        let width = |i: usize| self.width << i.min(MOST_DOUBLINGS);
         let deeper = |i: usize| {
-            let to = self.width << (i + 1);
-            (conv(self.width << i, to, 4, 1, device), self.norm.init(to, device))
+            let (from, to) = (width(i), width(i + 1));
+            (conv(from, to, 4, 1, device), self.norm.init(to, device))
         };
         PatchGan {
             first: conv(IMAGE_CHANNELS, self.width, 4, 1, device),
-            deeper: (0..3).map(deeper).collect(),
-            head: conv(self.width << 3, 1, 4, 1, device),
+            deeper: (0..self.halvings).map(deeper).collect(),
+            head: conv(width(self.halvings), 1, 4, 1, device),
         }
+    }
+
+    /// Whether an image of so many rings, or columns, holds a patch.
+    pub fn fits(&self, pixels: usize) -> bool {
+        // A convolution takes one pixel away, a halving rounds up.
+        let halved = (0..self.halvings).fold(pixels, |n, _| n.saturating_sub(1).div_ceil(2));
+        halved > 2
     }
 }
 
 impl PatchGan {
     /// Logits that patches are real, `[batch, 1, patch, patch]`, of range code and reflectance, `[batch, 2, ring, column]`.
     pub fn forward(&self, image: Tensor<4>) -> Tensor<4> {
-        let mut x = halve(leaky_relu(self.first.forward(image), LEAK), Border::Mirror);
-        for (i, (conv, norm)) in self.deeper.iter().enumerate() {
-            x = leaky_relu(norm.forward(conv.forward(x)), LEAK);
-            if i < 2 {
-                x = halve(x, Border::Mirror);
-            }
+        let mut x = leaky_relu(self.first.forward(image), LEAK);
+        for (conv, norm) in &self.deeper {
+            x = leaky_relu(norm.forward(conv.forward(halve(x, Border::Mirror))), LEAK);
         }
         self.head.forward(x)
     }
@@ -80,5 +90,16 @@ mod tests {
         assert_eq!(network.num_params(), 2_763_713);
         let small = PatchGanConfig { width: 4, ..PatchGanConfig::default() }.init(&device);
         assert_eq!(small.forward(Tensor::zeros([1, 2, 64, 128], &device)).dims(), [1, 1, 6, 14]);
+    }
+
+    #[test]
+    fn what_fits_is_judged_and_what_does_not_is_known_before() {
+        let device = Device::flex();
+        for (halvings, least) in [(1, 7), (2, 12), (3, 24)] {
+            let config = PatchGanConfig { width: 2, halvings, ..PatchGanConfig::default() };
+            assert!(config.fits(least) && !config.fits(least - 1), "{halvings}");
+            let judged = config.init(&device).forward(Tensor::zeros([1, 2, least, 64], &device));
+            assert_eq!(judged.dims()[2], 1);
+        }
     }
 }

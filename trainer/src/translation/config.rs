@@ -280,6 +280,15 @@ impl TranslationConfig {
         ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
         ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
         ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        let d = &self.discriminator;
+        ensure!((1..=6).contains(&d.halvings), "discriminator.halvings is {}, expected 1 to 6", d.halvings);
+        for (name, number) in [("rings", rings), ("crop_columns", s.crop_columns)] {
+            ensure!(
+                self.method == Method::UNet || d.fits(number),
+                "{name}: {number} hold no patch of the discriminator; give it fewer halvings than {}",
+                d.halvings
+            );
+        }
         let a = &self.augmentation;
         ensure!((0.0..=1.0).contains(&a.unlabelled_share), "unlabelled_share is {}", a.unlabelled_share);
         ensure!(self.losses.patches > 1, "patches is {}: one patch has no others to be told from", self.losses.patches);
@@ -331,6 +340,7 @@ mod tests {
             ("[schedule]\naverage = 1.0", "average"),
             ("[losses]\npatches = 1", "patches"),
             ("[generator]\nwidht = 3", "widht"),
+            ("[discriminator]\nhalvings = 5", "rings: 64 hold no patch"),
         ] {
             assert!(refusal(extra, "").contains(word), "{extra}: {}", refusal(extra, ""));
         }
