@@ -74,6 +74,21 @@ pub fn beside<const N: usize>(scans: &[(&RangeImage, &str); N]) -> Result<Vec<u8
     encode(&sheet(&[range, reflectance], &[captions, captions.map(|_| "reflectance")]))
 }
 
+/// The middle half turns of any number of scans one below the other, each with its caption, as one PNG: range left, reflectance right.
+///
+/// # Panics
+/// If there is none, or they differ in size.
+pub fn stacked(scans: &[(&RangeImage, &str)]) -> Result<Vec<u8>, PictureError> {
+    let size = |image: &RangeImage| (image.rings(), image.columns());
+    assert!(scans.iter().all(|(image, _)| size(image) == size(scans[0].0)), "images of one size");
+    let panels = |(image, _): &(&RangeImage, &str)| {
+        [panel(image, |i| range_colour(image.range_m()[i])), panel(image, |i| reflectance_colour(image, i))]
+    };
+    let panels: Vec<_> = scans.iter().map(panels).collect();
+    let captions: Vec<_> = scans.iter().map(|(_, caption)| [*caption, "reflectance"]).collect();
+    encode(&sheet(&panels, &captions))
+}
+
 /// Colour of a range: Turbo over the logarithm from 2 m (red) to 100 m (blue).
 ///
 /// Turbo: Anton Mikhailov, "Turbo, An Improved Rainbow Colormap for Visualization", Google AI Blog 2019, polynomial form.
@@ -157,6 +172,17 @@ fn encode(picture: &RgbImage) -> Result<Vec<u8>, PictureError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scans_are_stacked_in_their_order() -> Result<(), Box<dyn std::error::Error>> {
+        let near = RangeImage::from_channels(8, vec![5.0; 16], vec![0.5; 16], vec![0; 16]);
+        let far = RangeImage::from_channels(8, vec![50.0; 16], vec![0.5; 16], vec![0; 16]);
+        let picture = image::load_from_memory(&stacked(&[(&near, "near"), (&far, "far")])?)?.to_rgb8();
+        let rows = |colour: Rgb<u8>| (0..picture.height()).filter(move |y| *picture.get_pixel(MARGIN, *y) == colour);
+        let (near, far) = (rows(range_colour(5.0)).max(), rows(range_colour(50.0)).min());
+        assert!(near.is_some() && near < far, "{near:?} {far:?}");
+        Ok(())
+    }
 
     #[test]
     fn a_dropped_ray_is_red_and_a_kept_one_green() -> Result<(), Box<dyn std::error::Error>> {

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use burn::tensor::Device;
 use clap::Args;
+use trainer::segmentation::Segmentation;
 use trainer::translation::table::Table;
 
 #[derive(Debug, Args)]
@@ -17,12 +19,18 @@ pub(super) struct TableArgs {
     /// Folder of the runs; those that have ended are not trained again, those that were interrupted go on.
     #[arg(long)]
     out: PathBuf,
+    /// The segmentation network's folder, for every metric of `compare`; without, three quick ones are told.
+    #[arg(long)]
+    segmentation: Option<PathBuf>,
 }
 
 impl TableArgs {
     /// Trains what is missing, and prints the table.
     pub(super) fn run(self) -> Result<()> {
-        println!("{}", Table::read(&self.config)?.run(&self.data, &self.out)?);
+        let table = Table::read(&self.config)?;
+        let load = |folder: &PathBuf| Segmentation::load(folder, &Device::flex());
+        let segmentation = self.segmentation.as_ref().map(load).transpose()?;
+        println!("{}", table.run(&self.data, &self.out, segmentation.as_ref())?);
         Ok(())
     }
 }

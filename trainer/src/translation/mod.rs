@@ -5,6 +5,7 @@ pub mod answer;
 pub mod augment;
 pub mod config;
 pub mod domain;
+pub mod exam;
 pub mod examiner;
 mod game;
 pub mod learner;

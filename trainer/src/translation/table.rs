@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::config::{Split, TranslationConfig};
-use super::domain::Domain;
-use super::realness::{Distance, distances};
-use super::training::{TranslationScores, train};
+use super::config::TranslationConfig;
+use super::exam::Exam;
+use super::realness::Distance;
+use super::training::{Trained, best_network, train};
+use crate::realness::report::short;
+use crate::segmentation::Segmentation;
 use crate::train::{Run, checkpoint};
 
 /// What is compared: a TOML file.
@@ -39,9 +41,6 @@ pub struct Table {
     rows: Vec<(String, TranslationConfig)>,
 }
 
-/// Scores of one row, a set a seed.
-type Scored<'t> = (&'t str, Vec<TranslationScores>);
-
 impl Table {
     /// Reads a table's file and its rows' configs.
     ///
@@ -68,81 +67,92 @@ impl Table {
         Ok(Self { seeds: config.seeds, rows })
     }
 
-    /// Trains what has not ended yet, each run in a folder of its own under `out`, and returns the table.
-    pub fn run(&self, data: &Path, out: &Path) -> Result<String> {
-        let mut scored: Vec<Scored> = self.rows.iter().map(|(name, _)| (name.as_str(), vec![])).collect();
+    /// Trains what has not ended yet, each run in a folder of its own under `out`, scores every run's best network on the test scans, leaves
+    /// a picture of their answers, `answers.png`, and returns the table.
+    ///
+    /// Scores are those of [`crate::realness`], whose features are of the `segmentation` network; without one, of [`super::realness`].
+    pub fn run(&self, data: &Path, out: &Path, segmentation: Option<&Segmentation>) -> Result<String> {
+        let exam = Exam::new(&self.rows[0].1, data, segmentation)?;
+        let mut rows: Vec<Row> = self.rows.iter().map(|(name, _)| Row { name, scores: vec![] }).collect();
+        let mut pictured = vec![];
         // Seed by seed, so that a table that is not finished yet has all its rows.
         for seed in &self.seeds {
-            for ((name, config), (_, scores)) in self.rows.iter().zip(&mut scored) {
+            for ((name, config), row) in self.rows.iter().zip(&mut rows) {
                 let config = TranslationConfig { seed: *seed, ..config.clone() };
                 let folder = out.join(folder_name(name)).join(format!("seed-{seed}"));
-                scores.push(run(&config, data, folder).with_context(|| format!("row {name}, seed {seed}"))?);
+                let network = run(&config, data, folder).with_context(|| format!("row {name}, seed {seed}"))?;
+                let answers = exam.answers(&network);
+                row.scores.push(exam.scores(&answers)?);
+                if pictured.len() < self.rows.len() {
+                    pictured.extend(answers.into_iter().next());
+                }
             }
         }
-        self.print(&scored, &self.floor(data)?)
-    }
-
-    /// Distances of the real scans that are learned from to those that are scored on: what a perfect translation could be expected to have.
-    fn floor(&self, data: &Path) -> Result<Vec<Distance>> {
-        let config = &self.rows[0].1;
-        let grid = config.grid()?;
-        let Split { train, test, .. } = &config.real;
-        let load = |list| Domain::load(data, list, &grid);
-        Ok(distances(&load(train)?.images, &load(test)?.images))
-    }
-
-    fn print(&self, scored: &[Scored], floor: &[Distance]) -> Result<String> {
-        let simulation = &scored[0].1[0].simulation;
-        let mut out = String::from("| |");
-        for d in simulation {
-            let unit = if d.unit.is_empty() { String::new() } else { format!(" ({})", d.unit) };
-            write!(out, " {}{unit} |", d.metric)?;
-        }
-        out += "\n|---|";
-        out += &"---|".repeat(simulation.len());
-        let plain = |out: &mut String, name: &str, distances: &[Distance]| -> Result<()> {
-            write!(out, "\n| {name} |")?;
-            for d in distances {
-                write!(out, " {:.4} |", d.value)?;
-            }
-            Ok(())
-        };
-        plain(&mut out, "simulation", simulation)?;
-        for (name, scores) in scored {
-            write!(out, "\n| {name} |")?;
-            for (i, (from, to)) in simulation.iter().zip(floor).enumerate() {
-                let values: Vec<f64> = scores.iter().map(|s| s.model[i].value).collect();
-                let (mean, half_width) = mean_and_interval(&values);
-                let closed = 100.0 * (from.value - mean) / (from.value - to.value);
-                let interval = half_width.map_or_else(String::new, |half_width| format!(" ± {half_width:.4}"));
-                write!(out, " {mean:.4}{interval} ({closed:.0} %) |")?;
-            }
-        }
-        plain(&mut out, "real scans of another drive", floor)?;
-        let (config, seeds) = (&self.rows[0].1, self.seeds.len());
-        let s = &config.schedule;
+        let names = self.rows.iter().map(|(name, _)| name.as_str());
+        let answers: Vec<_> = names.zip(&pictured).map(|(name, answer)| (answer, name)).collect();
+        lidar::formats::write_atomically(&out.join("answers.png"), &exam.picture(&answers)?)?;
+        let mut text = print(&exam, &rows)?;
+        let (s, seeds) = (&self.rows[0].1.schedule, self.seeds.len());
         write!(
-            out,
-            "\n\nMean of {seeds} seeds ± half of its 95 % interval (Student's t), and the share of the gap between simulation and other real\n\
-             scans that is closed; {} steps of {} cut-outs of {} columns each.\n",
-            s.steps, s.batch, s.crop_columns
+            text,
+            "\nMean of {seeds} seeds ± half of its 95 % interval (Student's t), and the share of the gap between simulation and other real\n\
+             scans that is closed; {} steps of {} cut-outs of {} columns each. {}\n",
+            s.steps,
+            s.batch,
+            s.crop_columns,
+            exam.says()
         )?;
-        Ok(out)
+        Ok(text)
     }
 }
 
-/// The scores of a run that has ended; trains it before if it has not, from where it was interrupted.
-fn run(config: &TranslationConfig, data: &Path, out: PathBuf) -> Result<TranslationScores> {
-    let scores = out.join("scores.json");
+/// A row's scores, seed by seed.
+struct Row<'t> {
+    name: &'t str,
+    scores: Vec<Vec<Distance>>,
+}
+
+/// Metrics in rows, methods in columns.
+fn print(exam: &Exam<'_>, rows: &[Row<'_>]) -> Result<String> {
+    let mut out = String::from("| | simulation |");
+    for row in rows {
+        write!(out, " {} |", row.name)?;
+    }
+    writeln!(out, " real, another drive |\n|---|{}", "---|".repeat(rows.len() + 2))?;
+    let (simulation, floor) = (exam.of_simulation()?, exam.floor()?);
+    for (i, from) in simulation.iter().enumerate() {
+        let unit = if from.unit.is_empty() { String::new() } else { format!(" ({})", from.unit) };
+        write!(out, "| {}{unit} | {} |", from.metric, short(from.value))?;
+        let to = floor.get(i).map(|d| d.value);
+        for row in rows {
+            let values: Vec<f64> = row.scores.iter().map(|scores| scores[i].value).collect();
+            let (mean, half_width) = mean_and_interval(&values);
+            write!(out, " {}", short(mean))?;
+            if let Some(half_width) = half_width {
+                write!(out, " ± {}", short(half_width))?;
+            }
+            if let Some(to) = to {
+                write!(out, " ({:.0} %)", 100.0 * (from.value - mean) / (from.value - to))?;
+            }
+            out += " |";
+        }
+        writeln!(out, " {} |", to.map_or_else(|| "–".into(), short))?;
+    }
+    Ok(out)
+}
+
+/// The best network of a run that has ended; trains it before if it has not, from where it was interrupted.
+fn run(config: &TranslationConfig, data: &Path, out: PathBuf) -> Result<Trained> {
     let begun = out.exists() && checkpoint::newest(&out)?.is_some();
-    if begun && scores.exists() {
+    if begun && out.join("scores.json").exists() {
         let before = std::fs::read_to_string(out.join("config.toml"))?;
         ensure!(before == config.to_toml()?, "{} is a run of another config", out.display());
-        return serde_json::from_slice(&std::fs::read(&scores)?).with_context(|| scores.display().to_string());
+        return best_network(config, &out);
     }
     tracing::info!(run = %out.display(), "training");
     let run = Run { out, data: data.into(), resume: begun, stop_after: None };
-    train(config, &run)?.context("a run without an end before its last step has scores")
+    train(config, &run)?;
+    best_network(config, &run.out)
 }
 
 /// A row's name as that of a folder.
