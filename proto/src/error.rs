@@ -30,6 +30,8 @@ pub enum ErrorCode {
     MalformedScan,
     /// The body is no request of the Open Inference Protocol.
     MalformedTensors,
+    /// The secret that the route asks for is missing or wrong.
+    Unauthorized,
     /// No such route.
     RouteNotFound,
     /// No such model or version.
@@ -52,6 +54,8 @@ pub enum ErrorCode {
     UnusableTensors,
     /// The scan has something that the format of the answer cannot hold.
     UnencodableAnswer,
+    /// The model was not loaded, for something is wrong with it; what was served before still is.
+    ModelRefused,
     /// A later scan of the same stream has taken the place of this one, which still waited.
     Superseded,
     /// More requests wait than the service lets wait; try again.
@@ -75,6 +79,7 @@ impl ErrorCode {
     pub const fn status(self) -> u16 {
         match self {
             Self::BadQuery | Self::BadHeader | Self::BadBody | Self::MalformedScan | Self::MalformedTensors => 400,
+            Self::Unauthorized => 401,
             Self::RouteNotFound | Self::ModelNotFound => 404,
             Self::MethodNotAllowed => 405,
             Self::NotAcceptable => 406,
@@ -82,7 +87,7 @@ impl ErrorCode {
             Self::Superseded => 409,
             Self::BodyTooLarge | Self::TooManyPoints => 413,
             Self::UnsupportedMediaType | Self::UnsupportedEncoding => 415,
-            Self::UnusableScan | Self::UnusableTensors | Self::UnencodableAnswer => 422,
+            Self::UnusableScan | Self::UnusableTensors | Self::UnencodableAnswer | Self::ModelRefused => 422,
             Self::Overloaded | Self::TooManyBytes => 429,
             Self::ModelFailed | Self::Internal => 500,
             Self::NotReady | Self::TooManyConnections => 503,

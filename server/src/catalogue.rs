@@ -1,15 +1,16 @@
 //! The models that a running service offers, and the workers behind each.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
 use std::thread::available_parallelism;
 
 use thiserror::Error;
 use tokio::sync::OnceCell;
 
+use crate::canary::Canaries;
 use crate::model::Model;
 use crate::pipeline::{Pipeline, PipelineError};
-use crate::repository::{Repository, RepositoryError};
+use crate::repository::RepositoryError;
 use crate::statistics::Statistics;
 use crate::worker::{Pool, Size};
 
@@ -27,15 +28,19 @@ pub struct WorkerOptions {
     pub queue: usize,
 }
 
-/// Every version of every model that the repository had when the service started.
+/// Models by name and version.
+pub type Models = BTreeMap<String, BTreeMap<u64, Arc<Offer>>>;
+
+/// The models on offer. What is on offer changes as a whole: whoever has taken an offer, or all of them, keeps what he has.
 #[derive(Debug)]
 pub struct Catalogue {
     default: String,
     options: WorkerOptions,
-    models: BTreeMap<String, BTreeMap<u64, Arc<Offer>>>,
+    canaries: Canaries,
+    models: RwLock<Arc<Models>>,
 }
 
-/// A model on offer. Its workers start with the first scan for it.
+/// A model on offer. Its workers start with the first scan for it, or before it is offered.
 #[derive(Debug)]
 pub struct Offer {
     /// The model.
@@ -62,30 +67,9 @@ pub enum CatalogueError {
 }
 
 impl Catalogue {
-    /// Reads every model of a repository. One that is damaged is left out, with a warning in the log, unless it is the newest version
-    /// of the default model: then it is an error.
-    pub fn read(repository: &Repository, default: &str, options: WorkerOptions) -> Result<Self, CatalogueError> {
-        let offer = |model: Model, version| {
-            Arc::new(Offer { model: model.into(), version, statistics: Statistics::default(), pool: OnceCell::new() })
-        };
-        let mut models: BTreeMap<String, BTreeMap<u64, Arc<Offer>>> = BTreeMap::new();
-        let newest = repository.read(default, None)?;
-        let newest_version = newest.version.unwrap_or_default();
-        models.entry(default.into()).or_default().insert(newest_version, offer(newest, newest_version));
-        for name in repository.names()? {
-            for version in repository.versions(&name)? {
-                let versions = models.entry(name.clone()).or_default();
-                if versions.contains_key(&version) {
-                    continue;
-                }
-                match repository.read(&name, Some(version)) {
-                    Ok(model) => drop(versions.insert(version, offer(model, version))),
-                    Err(error) => tracing::warn!("left out: {error}"),
-                }
-            }
-        }
-        models.retain(|_, versions| !versions.is_empty());
-        Ok(Self { default: default.into(), options, models })
+    /// A catalogue of these models; `default` is used where none is named.
+    pub(crate) fn new(default: &str, options: WorkerOptions, canaries: Canaries, models: Models) -> Self {
+        Self { default: default.into(), options, canaries, models: RwLock::new(models.into()) }
     }
 
     /// Name of the model that is used where none is named.
@@ -98,27 +82,50 @@ impl Catalogue {
         self.options
     }
 
-    /// Every model with its versions, oldest first.
-    pub fn models(&self) -> impl Iterator<Item = (&str, impl DoubleEndedIterator<Item = &Offer>)> {
-        self.models.iter().map(|(name, versions)| (name.as_str(), versions.values().map(|offer| &**offer)))
+    /// Every model that is on offer now.
+    pub fn models(&self) -> Arc<Models> {
+        Arc::clone(&self.models.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// A model: the default one unless named, its newest version unless another is named.
-    pub fn find(&self, name: Option<&str>, version: Option<u64>) -> Result<&Arc<Offer>, RepositoryError> {
-        let name = name.unwrap_or(&self.default);
-        let versions = self.models.get(name);
-        let newest = versions.and_then(|versions| versions.last_key_value());
-        let (Some(versions), Some((_, newest))) = (versions, newest) else {
-            let known = self.models.keys().cloned().collect();
+    /// A model: the default one unless named; the version named, or else the one for the stream: its newest but for a canary.
+    pub fn find(
+        &self,
+        name: Option<&str>,
+        version: Option<u64>,
+        stream: Option<&str>,
+    ) -> Result<Arc<Offer>, RepositoryError> {
+        let (models, name) = (self.models(), name.unwrap_or(&self.default));
+        let unknown_name = || {
+            let known = models.keys().cloned().collect();
             // What was asked for is shown again, but not at any length.
-            return Err(RepositoryError::UnknownName { name: name.chars().take(80).collect(), known });
+            RepositoryError::UnknownName { name: name.chars().take(80).collect(), known }
         };
-        let Some(version) = version else { return Ok(newest) };
-        versions.get(&version).ok_or_else(|| RepositoryError::UnknownVersion {
-            name: name.into(),
-            version,
-            known: versions.keys().copied().collect(),
-        })
+        let versions = models.get(name).ok_or_else(unknown_name)?;
+        let offer = match version {
+            Some(version) => versions.get(&version).ok_or_else(|| {
+                let known = versions.keys().copied().collect();
+                RepositoryError::UnknownVersion { name: name.into(), version, known }
+            })?,
+            None => self.canaries.choose(name, versions, stream).ok_or_else(unknown_name)?,
+        };
+        Ok(Arc::clone(offer))
+    }
+
+    /// Puts other versions of a model in the place of those it had, or takes it off the offer where there are none. Returns those it had.
+    pub(crate) fn swap(&self, name: &str, versions: BTreeMap<u64, Arc<Offer>>) -> Option<BTreeMap<u64, Arc<Offer>>> {
+        let mut now = self.models.write().unwrap_or_else(PoisonError::into_inner);
+        let mut models = Models::clone(&now);
+        let replaced = if versions.is_empty() { models.remove(name) } else { models.insert(name.into(), versions) };
+        *now = Arc::new(models);
+        replaced
+    }
+
+    /// Starts the workers of a model that is not on offer yet; each has tried it on an empty scan. Blocks.
+    pub(crate) fn warm_up(&self, offer: &Offer) -> Result<(), CatalogueError> {
+        let pool = start_pool(&offer.model, self.options)?;
+        // If they had started meanwhile, those are as good.
+        let _ = offer.pool.set(pool);
+        Ok(())
     }
 
     /// The workers of a model, started if they were not.
@@ -140,6 +147,10 @@ fn start_pool(model: &Arc<Model>, options: WorkerOptions) -> Result<ScanPool, Pi
 }
 
 impl Offer {
+    pub(crate) fn new(model: Model, version: u64) -> Self {
+        Self { model: model.into(), version, statistics: Statistics::default(), pool: OnceCell::new() }
+    }
+
     /// True if a scan would be taken now; workers that have not started have nothing to do yet.
     pub(crate) fn has_room(&self) -> bool {
         self.pool.get().is_none_or(Pool::has_room)
@@ -148,6 +159,17 @@ impl Offer {
     /// Scans that wait; `None` where no workers have started.
     pub(crate) fn waiting(&self) -> Option<usize> {
         self.pool.get().map(Pool::waiting)
+    }
+}
+
+impl Drop for Offer {
+    /// The last one to let go of an offer may be an async handler, which must not wait for the workers to end.
+    fn drop(&mut self) {
+        let Some(pool) = self.pool.take() else { return };
+        match tokio::runtime::Handle::try_current() {
+            Ok(runtime) => drop(runtime.spawn_blocking(move || drop(pool))),
+            Err(_) => drop(pool),
+        }
     }
 }
 

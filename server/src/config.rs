@@ -6,7 +6,13 @@ use std::time::Duration;
 
 use lidar::formats;
 
+use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
+use crate::check::CheckOptions;
+use crate::token::Token;
+
+/// Environment variable that holds the admin listener's token.
+pub const TOKEN_VARIABLE: &str = "REALBEAM_ADMIN_TOKEN";
 
 /// What a service is started with; the defaults are those of the command line.
 #[derive(Clone, Debug)]
@@ -19,12 +25,29 @@ pub struct Config {
     pub addr: SocketAddr,
     /// Workers of each model.
     pub workers: WorkerOptions,
+    /// How models are checked before they are served.
+    pub check: CheckOptions,
+    /// Versions that only a share of the streams gets.
+    pub canaries: Vec<Canary>,
+    /// How often the folder is looked at for models that are new, changed or gone; `None` for never.
+    pub poll: Option<Duration>,
+    /// The listener through which models are loaded and unloaded; `None` for none.
+    pub admin: Option<AdminOptions>,
     /// What a request may take.
     pub requests: RequestLimits,
     /// What a connection may take.
     pub connections: ConnectionLimits,
     /// How it ends.
     pub stop: StopOptions,
+}
+
+/// The listener through which models are loaded and unloaded.
+#[derive(Clone, Debug)]
+pub struct AdminOptions {
+    /// Address to listen at, one that only this machine reaches; port 0 takes a free one.
+    pub addr: SocketAddr,
+    /// What every request has to show.
+    pub token: Token,
 }
 
 /// What a request may take.
@@ -69,6 +92,10 @@ impl Default for Config {
             default_model: "hdl64e".into(),
             addr: (Ipv4Addr::LOCALHOST, 8080).into(),
             workers: WorkerOptions::default(),
+            check: CheckOptions::default(),
+            canaries: Vec::new(),
+            poll: None,
+            admin: None,
             requests: RequestLimits::default(),
             connections: ConnectionLimits::default(),
             stop: StopOptions::default(),

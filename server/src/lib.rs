@@ -5,7 +5,9 @@
 //! own card. Finding ONNX Runtime itself is the matter of the crate [`runtime`].
 
 mod budget;
+pub mod canary;
 pub mod catalogue;
+pub mod check;
 pub mod cli;
 pub mod config;
 pub mod convert;
@@ -14,6 +16,7 @@ mod generator;
 mod http;
 pub mod inspect;
 mod listen;
+mod loader;
 mod metrics;
 pub mod model;
 pub mod onnx_file;
@@ -21,18 +24,24 @@ pub mod pipeline;
 pub mod repository;
 mod sampled;
 pub mod serve;
+mod source;
 pub mod statistics;
 pub mod stopwatch;
 mod streams;
 mod tensors;
+pub mod token;
+pub mod trial;
 pub mod worker;
 
+pub use canary::Canary;
 pub use catalogue::WorkerOptions;
-pub use config::{Config, ConnectionLimits, RequestLimits, StopOptions};
+pub use check::CheckOptions;
+pub use config::{AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions};
 pub use convert::{Conversion, convert};
 pub use generator::{Chance, Noise};
 pub use model::Model;
 pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
 pub use repository::Repository;
 pub use serve::{Server, serve};
+pub use token::Token;
 pub use worker::Caller;

@@ -1,5 +1,6 @@
 //! What is counted and timed, for Prometheus.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use prometheus_client::encoding::text::{encode_eof, encode_registry};
@@ -16,10 +17,13 @@ use crate::stopwatch::{Stage, StageTimes};
 /// Label name and value.
 type Label<V> = (&'static str, V);
 
-/// Everything that is counted from the start on.
 /// Seconds by the value of one label.
 type Seconds<L> = Family<[Label<L>; 1], Histogram, fn() -> Histogram>;
 
+/// Attempts to load a model, by its name and what came of it.
+pub(crate) type Loads = Family<[Label<String>; 2], Counter>;
+
+/// Everything that is counted from the start on.
 #[derive(Debug)]
 pub(crate) struct Metrics {
     registry: Registry,
@@ -30,6 +34,7 @@ pub(crate) struct Metrics {
     points: Family<[Label<&'static str>; 1], Counter>,
     nonfinite_points: Counter,
     refused_connections: Counter,
+    loads: Loads,
 }
 
 impl Metrics {
@@ -43,6 +48,7 @@ impl Metrics {
             points: Family::default(),
             nonfinite_points: Counter::default(),
             refused_connections: Counter::default(),
+            loads: Loads::default(),
             registry: Registry::default(),
         };
         registry.register("requests", "Requests answered, by route and HTTP status", metrics.requests.clone());
@@ -56,6 +62,8 @@ impl Metrics {
         registry.register("nonfinite_points", help, metrics.nonfinite_points.clone());
         let help = "Connections closed because there were too many";
         registry.register("refused_connections", help, metrics.refused_connections.clone());
+        let help = "Attempts to load a model, by model and outcome";
+        registry.register("model_loads", help, metrics.loads.clone());
         Self { registry, ..metrics }
     }
 
@@ -89,6 +97,11 @@ impl Metrics {
         self.refused_connections.clone()
     }
 
+    /// The count of loaded models.
+    pub(crate) fn loads(&self) -> Loads {
+        self.loads.clone()
+    }
+
     /// All figures in the text format of `OpenMetrics`, with those that are what they are now: bytes under way, the queues, the models.
     pub(crate) fn text(&self, catalogue: &Catalogue, inflight_bytes: usize) -> String {
         let mut now = prefixed();
@@ -97,12 +110,12 @@ impl Metrics {
         now.register("inflight_bytes", "Bytes of bodies and answers under way", inflight);
         let depth: Family<[Label<String>; 2], Gauge> = Family::default();
         let model: Family<[Label<String>; 3], Gauge> = Family::default();
-        for offer in catalogue.models().flat_map(|(_, offers)| offers) {
+        for offer in catalogue.models().values().flat_map(BTreeMap::values) {
             let (name, version) = (offer.model.name.clone(), offer.version.to_string());
             if let Some(waiting) = offer.waiting() {
                 depth.get_or_create(&[("name", name.clone()), ("version", version.clone())]).set(waiting as i64);
             }
-            let labels = [("name", name), ("version", version), ("sha256", offer.model.digest.clone())];
+            let labels = [("model", name), ("version", version), ("digest", format!("sha256:{}", offer.model.digest))];
             model.get_or_create(&labels).set(1);
         }
         now.register("queue_depth", "Scans that wait for a worker, by model", depth);

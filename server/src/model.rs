@@ -10,6 +10,7 @@ use runtime::RuntimeError;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use crate::check::CheckError;
 use crate::onnx_file::{Axis, OnnxFile, OnnxFileError, Tensor};
 
 /// A model whose file is whole, has a card, and whose graph's inputs and outputs are what the card promises.
@@ -56,6 +57,9 @@ pub enum ModelProblem {
     /// Its card cannot be taken.
     #[error(transparent)]
     Card(#[from] card::CardError),
+    /// It did not pass its check.
+    #[error(transparent)]
+    Check(#[from] CheckError),
     /// The graph does not keep what the card promises.
     #[error("graph and card disagree: {what} are `{found}`, expected `{expected}`")]
     Signature {
@@ -99,7 +103,7 @@ impl Model {
         let card = Card::from_json(&json.1)?;
         check_signature("inputs", &file.inputs, &card, &expected_inputs(&card))?;
         check_signature("outputs", &file.outputs, &card, &OUTPUTS)?;
-        let digest = hexadecimal(&Sha256::digest(&bytes));
+        let digest = digest(&bytes);
         Ok(Self {
             name: card.name.clone(),
             version: None,
@@ -117,6 +121,11 @@ impl Model {
         runtime::open(&environment, &self.bytes, threads)
             .map_err(|source| SessionError::Load { name: self.name.clone(), source })
     }
+}
+
+/// SHA-256 of a file's bytes, in hexadecimal.
+pub(crate) fn digest(bytes: &[u8]) -> String {
+    hexadecimal(&Sha256::digest(bytes))
 }
 
 /// Lower-case hexadecimal digits.

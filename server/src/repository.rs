@@ -86,9 +86,7 @@ impl Repository {
     /// Reads and checks a model, its newest version unless another is named.
     pub fn read(&self, name: &str, version: Option<u64>) -> Result<Model, RepositoryError> {
         let versions = self.versions(name)?;
-        let Some(newest) = versions.last() else {
-            return Err(RepositoryError::UnknownName { name: name.into(), known: self.names()? });
-        };
+        let Some(newest) = versions.last() else { return Err(self.unknown(name)?) };
         let version = version.unwrap_or(*newest);
         if !versions.contains(&version) {
             return Err(RepositoryError::UnknownVersion { name: name.into(), version, known: versions });
@@ -98,7 +96,14 @@ impl Repository {
         Ok(model)
     }
 
-    fn path(&self, name: &str, version: u64) -> PathBuf {
+    /// The error of a name that no model has.
+    pub(crate) fn unknown(&self, name: &str) -> Result<RepositoryError, RepositoryError> {
+        // What was asked for is shown again, but not at any length.
+        Ok(RepositoryError::UnknownName { name: name.chars().take(80).collect(), known: self.names()? })
+    }
+
+    /// Where a version's file lies.
+    pub(crate) fn path(&self, name: &str, version: u64) -> PathBuf {
         self.root.join(name).join(version.to_string()).join(MODEL_FILE)
     }
 }

@@ -10,16 +10,21 @@ use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
 use tokio_util::sync::CancellationToken;
 
+use crate::canary::{Canaries, CanaryError};
 use crate::catalogue::{Catalogue, CatalogueError};
 use crate::config::{Config, StopOptions};
 use crate::http::{self, App};
 use crate::listen::{Guests, listen};
+use crate::loader::{Loader, poll};
+use crate::metrics::Metrics;
 use crate::repository::Repository;
+use crate::source::Source;
 
 /// A running service. Dropping it stops it.
 #[derive(Debug)]
 pub struct Server {
     addr: SocketAddr,
+    admin_addr: Option<SocketAddr>,
     stop: CancellationToken,
     thread: Option<JoinHandle<()>>,
 }
@@ -40,6 +45,12 @@ pub enum ServeError {
         /// Bytes of one body.
         body: usize,
     },
+    /// A model has two canaries.
+    #[error(transparent)]
+    Canary(#[from] CanaryError),
+    /// The admin listener's address is one that other machines reach.
+    #[error("the admin listener's address {0} is not a loopback address")]
+    AdminAddress(SocketAddr),
     /// The address cannot be listened at.
     #[error("cannot listen at {addr}: {source}")]
     Listen {
@@ -53,35 +64,85 @@ pub enum ServeError {
     Runtime(#[from] io::Error),
 }
 
-/// Starts the service: reads every model, starts the default model's workers, listens. Returns once scans are taken.
+/// Starts the service: reads and checks every model, starts the default model's workers, listens. Returns once scans are taken.
 pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let (inflight, body) = (config.requests.max_inflight_bytes, config.requests.max_body_bytes);
     if inflight < body {
         return Err(ServeError::Limits { inflight, body });
     }
-    let catalogue = Catalogue::read(&Repository::new(&config.models), &config.default_model, config.workers)?;
+    if let Some(admin) = config.admin.as_ref().filter(|admin| !admin.addr.ip().to_canonical().is_loopback()) {
+        return Err(ServeError::AdminAddress(admin.addr));
+    }
+    let (stop, end, metrics) = (CancellationToken::new(), CancellationToken::new(), Metrics::new());
+    let (catalogue, loader) = read_models(config, &metrics, &end)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("http").build()?;
-    let default = catalogue.find(None, None).map_err(CatalogueError::from)?;
-    runtime.block_on(catalogue.pool(default))?;
-    let fail = |source| ServeError::Listen { addr: config.addr, source };
-    let listener = runtime.block_on(TcpListener::bind(config.addr)).map_err(fail)?;
-    let addr = listener.local_addr().map_err(fail)?;
-    let app = Arc::new(App::new(catalogue, config.requests));
-    let stop = CancellationToken::new();
-    let (stopped, options) = (stop.clone(), config.stop);
-    let end = CancellationToken::new();
-    let refused = app.metrics.refused_connections();
-    let guests = Guests { router: http::router(Arc::clone(&app)), limits: config.connections, refused };
-    let serving = listen(listener, guests, end.clone());
-    let run = move || run(&runtime, serving, stop_in_order(app, stopped, end, options));
-    let thread = thread::Builder::new().name("serve".into()).spawn(run)?;
-    Ok(Server { addr, stop, thread: Some(thread) })
+    let default = catalogue.find(None, None, None).map_err(CatalogueError::from)?;
+    runtime.block_on(catalogue.pool(&default))?;
+    let (listener, addr) = bind(&runtime, config.addr)?;
+    let admin_listener = config.admin.as_ref().map(|admin| bind(&runtime, admin.addr)).transpose()?;
+    let admin_addr = admin_listener.as_ref().map(|(_, addr)| *addr);
+
+    let app = Arc::new(App::new(catalogue, metrics, config.requests));
+    let guests = |router| Guests { router, limits: config.connections, refused: app.metrics.refused_connections() };
+    let serving = listen(listener, guests(http::router(Arc::clone(&app))), end.clone());
+    let admin = admin_listener.zip(config.admin.clone()).map(|((listener, _), admin)| {
+        let router = http::admin::router(Arc::clone(&app), Arc::clone(&loader), admin.token);
+        listen(listener, guests(router), end.clone())
+    });
+    let polling = config.poll.map(|every| poll(loader, every, end.clone()));
+    let serving = async {
+        tokio::join!(serving, if_some(admin), if_some(polling));
+    };
+    let time_over = stop_in_order(Arc::clone(&app), stop.clone(), end, config.stop);
+    let thread = thread::Builder::new().name("serve".into()).spawn(move || run(&runtime, serving, time_over))?;
+    Ok(Server { addr, admin_addr, stop, thread: Some(thread) })
+}
+
+/// Every model of the folder, checked, and the one who changes what is on offer later.
+fn read_models(
+    config: &Config,
+    metrics: &Metrics,
+    end: &CancellationToken,
+) -> Result<(Arc<Catalogue>, Arc<Loader>), ServeError> {
+    let canaries = Canaries::new(&config.canaries)?;
+    let repository = Repository::new(&config.models);
+    let source = Source { repository, check: config.check.clone(), stop: end.clone() };
+    let read = || {
+        if source.repository.versions(&config.default_model)?.is_empty() {
+            return Err(source.repository.unknown(&config.default_model)?);
+        }
+        // Seen before they are read: what changes meanwhile is seen as a change.
+        Ok((source.published()?, source.read_all()?))
+    };
+    let (seen, models) = read().map_err(CatalogueError::Repository)?;
+    let catalogue = Arc::new(Catalogue::new(&config.default_model, config.workers, canaries, models));
+    let loader = Loader::new(source, seen, Arc::clone(&catalogue), metrics.loads());
+    Ok((catalogue, Arc::new(loader)))
+}
+
+async fn if_some(future: Option<impl Future<Output = ()>>) {
+    if let Some(future) = future {
+        future.await;
+    }
+}
+
+fn bind(runtime: &Runtime, addr: SocketAddr) -> Result<(TcpListener, SocketAddr), ServeError> {
+    let bound = runtime.block_on(TcpListener::bind(addr)).and_then(|listener| {
+        let addr = listener.local_addr()?;
+        Ok((listener, addr))
+    });
+    bound.map_err(|source| ServeError::Listen { addr, source })
 }
 
 impl Server {
     /// The address that the service listens at.
     pub fn addr(&self) -> SocketAddr {
         self.addr
+    }
+
+    /// The address that the admin listener listens at, if there is one.
+    pub fn admin_addr(&self) -> Option<SocketAddr> {
+        self.admin_addr
     }
 
     /// Says that it is not ready, goes on for the lame duck's time, then takes no more, lets requests under way finish within the grace,

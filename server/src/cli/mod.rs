@@ -13,6 +13,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use lidar::formats::Limits;
 use lidar::label::CarlaTags;
 
+use crate::check;
 use crate::convert::{self, Conversion};
 use crate::generator::{self, Chance};
 use crate::inspect;
@@ -37,6 +38,19 @@ enum Command {
     Convert(Box<Convert>),
     /// Print a model's card, inputs and outputs.
     Inspect(ModelChoice),
+    /// Check a model, read from stdin; what is wrong goes to stdout. The service starts itself with this.
+    #[command(name = check::SUBCOMMAND, hide = true)]
+    CheckModel(CheckModel),
+}
+
+#[derive(Debug, Args)]
+struct CheckModel {
+    /// Bytes of address space that the check may have.
+    #[arg(long)]
+    memory_bytes: u64,
+    /// Seconds of CPU time that it may take.
+    #[arg(long)]
+    time_s: u64,
 }
 
 #[derive(Debug, Args)]
@@ -136,6 +150,7 @@ impl Cli {
                 print!("{}", inspect::describe(&choice.read()?));
                 Ok(())
             }
+            Command::CheckModel(CheckModel { memory_bytes, time_s }) => check::check_stdin(memory_bytes, time_s),
         }
     }
 }

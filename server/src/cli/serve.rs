@@ -1,16 +1,22 @@
 //! `realbeam-server serve`: what the service can be told.
 
+use std::env;
+use std::fs;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use anyhow::{Context, ensure};
 use clap::Args;
 
 use super::log::LogOptions;
 use super::{cores, positive};
+use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
-use crate::config::{Config, ConnectionLimits, RequestLimits, StopOptions};
+use crate::check::CheckOptions;
+use crate::config::{AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions, TOKEN_VARIABLE};
 use crate::serve::serve;
+use crate::token::Token;
 
 /// Name of the subcommand.
 pub(super) const NAME: &str = "serve";
@@ -45,6 +51,26 @@ pub(super) struct Serve {
     /// Scans that may wait for a worker before others are turned away with 429.
     #[arg(long, env = "REALBEAM_QUEUE", default_value_t = WorkerOptions::default().queue, value_parser = positive)]
     queue: usize,
+    /// Share of the streams that gets a version; the others get the newest of the other versions. Once a model, several split by commas
+    /// in the environment.
+    #[arg(long, env = "REALBEAM_CANARY", value_name = "NAME=VERSION:SHARE", value_delimiter = ',')]
+    canary: Vec<Canary>,
+    /// Seconds between two looks at the folder for models that are new, changed or gone [default: it is not looked at].
+    #[arg(long, env = "REALBEAM_POLL", value_name = "SECONDS", value_parser = poll_seconds)]
+    poll: Option<Duration>,
+    /// Loopback address at which models are loaded and unloaded, by whoever has the token [default: nowhere]. The token is what
+    /// `REALBEAM_ADMIN_TOKEN` holds, or the file below.
+    #[arg(long, env = "REALBEAM_ADMIN", value_name = "ADDR")]
+    admin: Option<SocketAddr>,
+    /// File that holds the token.
+    #[arg(long, env = "REALBEAM_ADMIN_TOKEN_FILE", value_name = "FILE")]
+    admin_token_file: Option<PathBuf>,
+    /// Bytes of address space that a process has for the check of a model before it is served.
+    #[arg(long, env = "REALBEAM_CHECK_MEMORY_BYTES", default_value_t = CheckOptions::default().memory_bytes)]
+    check_memory_bytes: u64,
+    /// Seconds that the check may take.
+    #[arg(long, env = "REALBEAM_CHECK_TIME_S", default_value = "60", value_parser = seconds)]
+    check_time_s: Duration,
     /// Bytes that a body may have; more is 413.
     #[arg(long, env = "REALBEAM_MAX_BODY_BYTES", default_value_t = RequestLimits::default().max_body_bytes)]
     max_body_bytes: usize,
@@ -85,13 +111,20 @@ impl Serve {
         if let Some(file) = &self.config {
             tracing::info!("configured by {}", file.display());
         }
-        let server = serve(&self.into_config())?;
+        let mut config = self.into_config()?;
+        config.check.program =
+            Some(env::current_exe().context("cannot find the program that checks models: this one")?);
+        let server = serve(&config)?;
+        if let Some(addr) = server.admin_addr() {
+            tracing::info!("models are loaded at http://{addr}");
+        }
         tracing::info!("listening at http://{}", server.addr());
         Ok(server.stop_at_signal()?)
     }
 
-    fn into_config(self) -> Config {
-        Config {
+    fn into_config(self) -> anyhow::Result<Config> {
+        let admin = self.admin.map(|addr| anyhow::Ok(AdminOptions { addr, token: self.token()? })).transpose()?;
+        Ok(Config {
             models: self.models,
             default_model: self.default_model,
             addr: self.addr,
@@ -100,6 +133,10 @@ impl Serve {
                 threads: self.threads.unwrap_or_else(cores),
                 queue: self.queue,
             },
+            check: CheckOptions { program: None, memory_bytes: self.check_memory_bytes, time: self.check_time_s },
+            canaries: self.canary,
+            poll: self.poll,
+            admin,
             requests: RequestLimits {
                 max_body_bytes: self.max_body_bytes,
                 max_points: self.max_points,
@@ -113,8 +150,29 @@ impl Serve {
                 write_time: self.write_time_s,
             },
             stop: StopOptions { lame_duck: self.lame_duck_s, grace: self.grace_s },
-        }
+        })
     }
+
+    /// The admin listener's token; it is no option of its own, for the arguments of a process are for all to see.
+    fn token(&self) -> anyhow::Result<Token> {
+        let variable = env::var(TOKEN_VARIABLE).ok();
+        ensure!(
+            variable.is_some() != self.admin_token_file.is_some(),
+            "--admin needs a token: either {TOKEN_VARIABLE} or --admin-token-file",
+        );
+        let (text, origin) = match &self.admin_token_file {
+            None => (variable.unwrap_or_default(), TOKEN_VARIABLE.to_owned()),
+            Some(file) => {
+                let origin = format!("token file {}", file.display());
+                (fs::read_to_string(file).with_context(|| origin.clone())?, origin)
+            }
+        };
+        Token::new(&text).with_context(|| origin)
+    }
+}
+
+fn poll_seconds(text: &str) -> Result<Duration, String> {
+    seconds(text).and_then(|time| if time.is_zero() { Err("expected more than 0 seconds".into()) } else { Ok(time) })
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -135,8 +193,9 @@ mod tests {
     }
 
     #[test]
-    fn who_says_nothing_gets_the_defaults_of_the_library() {
-        let config = Alone::parse_from(["serve"]).serve.into_config();
+    fn who_says_nothing_gets_the_defaults_of_the_library() -> anyhow::Result<()> {
+        let config = Alone::parse_from(["serve"]).serve.into_config()?;
         assert_eq!(format!("{config:?}"), format!("{:?}", Config::default()));
+        Ok(())
     }
 }

@@ -21,13 +21,18 @@ pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 /// Longest id that is taken over from a client.
 const MAX_ID_LENGTH: usize = 128;
 
+/// A request's id, for those who answer it.
+#[derive(Clone, Debug)]
+pub(crate) struct RequestId(pub(crate) String);
+
 /// Runs the request and wraps its answer.
-pub(crate) async fn envelope(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+pub(crate) async fn envelope(State(app): State<Arc<App>>, mut request: Request, next: Next) -> Response {
     let started = Instant::now();
     let id = taken_over(&request).unwrap_or_else(new_id);
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     // Routes are few; what is asked for besides may be anything.
     let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
+    request.extensions_mut().insert(RequestId(id.clone()));
     let mut response = next.run(request).await;
     if let Some(error) = response.extensions_mut().remove::<ApiError>() {
         if error.code.is_rejection() {
@@ -55,6 +60,9 @@ fn with_body(bare: &Response, error: &ApiError, request_id: &str) -> Response {
     let mut response = (bare.status(), Json(body)).into_response();
     if let Some(allow) = bare.headers().get(header::ALLOW) {
         response.headers_mut().insert(header::ALLOW, allow.clone());
+    }
+    if error.code == ErrorCode::Unauthorized {
+        response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
     }
     if matches!(error.code, ErrorCode::Overloaded | ErrorCode::TooManyBytes | ErrorCode::NotReady) {
         response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));

@@ -1,5 +1,6 @@
 //! `GET /info`: what the service is, takes and offers.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::Json;
@@ -9,7 +10,6 @@ use proto::media::{MEDIA_TYPES, MediaType};
 use serde::Serialize;
 
 use super::App;
-use crate::catalogue::Offer;
 
 /// The answer.
 #[derive(Debug, Serialize)]
@@ -24,7 +24,7 @@ pub(crate) struct Info<'a> {
     models: Vec<ModelInfo<'a>>,
 }
 
-/// A model's newest version.
+/// A model, as whoever names no version gets it, a canary's streams aside.
 #[derive(Debug, Serialize)]
 struct ModelInfo<'a> {
     name: &'a str,
@@ -38,16 +38,15 @@ struct ModelInfo<'a> {
 
 /// The handler.
 pub(crate) async fn info(State(app): State<Arc<App>>) -> Json<serde_json::Value> {
-    let models = app.catalogue.models().filter_map(|(name, offers)| {
-        let offers: Vec<&Offer> = offers.collect();
-        let newest = offers.last()?;
-        Some(ModelInfo {
-            name,
-            version: newest.version,
-            versions: offers.iter().map(|offer| offer.version).collect(),
-            digest: format!("sha256:{}", newest.model.digest),
-            card: &newest.model.card,
-        })
+    let offered = app.catalogue.models();
+    // A model that is unloaded at this moment is left out.
+    let chosen: Vec<_> = offered.keys().filter_map(|name| app.catalogue.find(Some(name), None, None).ok()).collect();
+    let models = chosen.iter().map(|chosen| ModelInfo {
+        name: &chosen.model.name,
+        version: chosen.version,
+        versions: offered.get(&chosen.model.name).into_iter().flat_map(BTreeMap::keys).copied().collect(),
+        digest: format!("sha256:{}", chosen.model.digest),
+        card: &chosen.model.card,
     });
     let info = Info {
         service: "realbeam-server",

@@ -1,5 +1,6 @@
 //! The HTTP face: routes, and what all of them share.
 
+pub(crate) mod admin;
 mod answer;
 mod body;
 mod envelope;
@@ -33,7 +34,7 @@ use error::ApiError;
 /// What every handler works with.
 #[derive(Debug)]
 pub(crate) struct App {
-    pub(crate) catalogue: Catalogue,
+    pub(crate) catalogue: Arc<Catalogue>,
     pub(crate) limits: RequestLimits,
     /// Memory for bodies and answers.
     pub(crate) budget: Budget,
@@ -44,9 +45,8 @@ pub(crate) struct App {
 }
 
 impl App {
-    pub(crate) fn new(catalogue: Catalogue, limits: RequestLimits) -> Self {
+    pub(crate) fn new(catalogue: Arc<Catalogue>, metrics: Metrics, limits: RequestLimits) -> Self {
         let budget = Budget::new(limits.max_inflight_bytes);
-        let metrics = Metrics::new();
         Self { catalogue, limits, budget, streams: Arc::default(), metrics, draining: AtomicBool::new(false) }
     }
 

@@ -42,7 +42,8 @@ impl ScanQuery {
             let wrong = |expected: &str| bad(format!("query key `{key}` is `{value}`, expected {expected}"));
             match key.as_str() {
                 "model" => query.model = Some(value.clone()),
-                "version" => query.version = Some(value.parse().map_err(|_| wrong("a whole number"))?),
+                "version" if value == "latest" => query.version = None,
+                "version" => query.version = Some(value.parse().map_err(|_| wrong("a whole number or latest"))?),
                 "seed" => query.seed = Some(value.parse().map_err(|_| wrong("a whole number from 0 to 2^64 - 1"))?),
                 "noise" => query.noise = noise(value).ok_or_else(|| wrong("drawn or median"))?,
                 "frame" => query.frame = Some(frame(value).ok_or_else(|| wrong("carla or ros"))?),

@@ -68,8 +68,9 @@ impl Wish {
         let (query, terms) = (ScanQuery::parse(&query::pairs(&head.uri)?)?, Terms::read(&head.headers)?);
         let seed = terms.seed_with(query.seed)?;
         let (content, accepted) = media_types(&head.headers)?;
-        let offer = app.catalogue.find(query.model.as_deref(), query.version)?;
-        Ok(Self { content, accepted, offer: Arc::clone(offer), query, terms, seed })
+        let key = terms.canary_key(&head.extensions);
+        let offer = app.catalogue.find(query.model.as_deref(), query.version, key)?;
+        Ok(Self { query, terms, seed, content, accepted, offer })
     }
 }
 

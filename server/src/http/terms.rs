@@ -6,10 +6,11 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::http::HeaderMap;
+use axum::http::{Extensions, HeaderMap};
 use proto::ErrorCode;
 use tokio::time::{Instant, sleep_until};
 
+use super::envelope::RequestId;
 use super::error::ApiError;
 use crate::streams::{Place, Streams, Superseded};
 
@@ -74,6 +75,11 @@ impl Terms {
             }
             (query, header) => Ok(query.or(header).unwrap_or_default()),
         }
+    }
+
+    /// Whose canary the request is: its stream's, or its own.
+    pub(crate) fn canary_key<'a>(&'a self, extensions: &'a Extensions) -> Option<&'a str> {
+        self.stream.as_deref().or_else(|| extensions.get().map(|RequestId(id)| id.as_str()))
     }
 
     /// Takes the stream's place where only its latest scan counts.

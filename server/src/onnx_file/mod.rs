@@ -53,6 +53,14 @@ pub enum OnnxFileError {
     /// A weight lies in another file, which nobody checks.
     #[error("weight `{0}` is external data; a Realbeam model is one file")]
     ExternalData(String),
+    /// An operator that is none of ONNX's own: it may be one of the runtime's extensions, or nothing at all.
+    #[error("operator `{domain}.{operator}` is none of ONNX's own")]
+    ForeignOperator {
+        /// Its domain.
+        domain: String,
+        /// Its name.
+        operator: String,
+    },
     /// An input or output that is no tensor, or has an impossible axis.
     #[error("tensor `{name}`: {problem}")]
     Tensor {
@@ -68,9 +76,13 @@ impl OnnxFile {
     pub fn parse(bytes: &[u8]) -> Result<Self, OnnxFileError> {
         let model = wire::Model::decode(bytes)?;
         let graph = model.graph.ok_or(OnnxFileError::NoGraph)?;
-        let mut functions = model.functions.iter().flat_map(|function| &function.node);
-        if let Some(name) = graph.external_tensor().or_else(|| functions.find_map(wire::Node::external_tensor)) {
+        let functions = || model.functions.iter().flat_map(|function| &function.node);
+        if let Some(name) = graph.external_tensor().or_else(|| functions().find_map(wire::Node::external_tensor)) {
             return Err(OnnxFileError::ExternalData(name.into()));
+        }
+        if let Some(node) = graph.node.iter().chain(functions()).find_map(wire::Node::foreign) {
+            let (domain, operator) = (node.domain.clone(), node.op_type.clone());
+            return Err(OnnxFileError::ForeignOperator { domain, operator });
         }
         // Until IR version 3 weights were listed among the inputs too.
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);

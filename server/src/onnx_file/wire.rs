@@ -40,8 +40,12 @@ pub(super) struct Graph {
 
 #[derive(Clone, PartialEq, prost::Message)]
 pub(super) struct Node {
+    #[prost(string, tag = "4")]
+    pub(super) op_type: String,
     #[prost(message, repeated, tag = "5")]
     pub(super) attribute: Vec<Attribute>,
+    #[prost(string, tag = "7")]
+    pub(super) domain: String,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -130,6 +134,15 @@ impl Graph {
 }
 
 impl Node {
+    /// This node, or one in its subgraphs, if its operator is none of ONNX's own.
+    pub(super) fn foreign(&self) -> Option<&Self> {
+        if !matches!(self.domain.as_str(), "" | "ai.onnx") {
+            return Some(self);
+        }
+        let graphs = self.attribute.iter().flat_map(|attribute| attribute.g.iter().chain(&attribute.graphs));
+        graphs.flat_map(|graph| &graph.node).find_map(Self::foreign)
+    }
+
     /// As [`Graph::external_tensor`], for a node's attributes.
     pub(super) fn external_tensor(&self) -> Option<&str> {
         self.attribute.iter().find_map(|attribute| {

@@ -147,7 +147,9 @@ impl Caller<'_> {
 impl<T> Drop for Pool<T> {
     fn drop(&mut self) {
         self.queue.close();
-        for thread in self.threads.drain(..) {
+        let this = thread::current().id();
+        // Work may be the last to hold its own pool: a worker does not wait for itself.
+        for thread in self.threads.drain(..).filter(|thread| thread.thread().id() != this) {
             // A worker that panicked outside its work has said so on stderr.
             let _ = thread.join();
         }

@@ -16,7 +16,8 @@ fn one_seed_gives_one_answer_whatever_else_runs() -> Result {
     let expected = service.scan("?seed=7", &[], &body)?.success()?;
     assert!(service.scan("?seed=8", &[], &body)?.success()? != expected, "another seed is another answer");
     // This one keeps every ray: only its noise depends on the seed.
-    let unruly = |seed: u64| service.scan(&format!("?model=unruly&seed={seed}"), &[], &body).and_then(Answer::success);
+    let misbehaved = Service::misbehaved()?;
+    let unruly = |seed: u64| misbehaved.scan(&format!("?seed={seed}"), &[], &body).and_then(Answer::success);
     assert!(unruly(7)? != unruly(8)?, "another seed is other noise");
     assert!(unruly(7)? == unruly(7)?);
     let answers = thread::scope(|scope| {
@@ -92,7 +93,7 @@ fn without_noise_the_same_rays_are_dropped_and_the_others_lie_in_the_middle() ->
 
 #[test]
 fn what_a_model_gets_wrong_does_not_reach_the_answer() -> Result {
-    let answer = Service::start()?.scan("?model=unruly", &[], &bin()?)?.success()?;
+    let answer = Service::misbehaved()?.scan("", &[], &bin()?)?.success()?;
     let (sent, got) = (scan(), formats::decode(Format::Kitti, &answer, &formats::Limits::default())?);
     // Negative and infinite ranges are no returns: half the rays. Standard deviation √(0.5·0.5/5760) = 0.0066; five of them.
     let share = got.len() as f64 / sent.len() as f64;

@@ -30,8 +30,8 @@ fn what_was_asked_and_answered_is_counted() -> Result {
     assert!(answer.header("content-type").starts_with("application/openmetrics-text; version=1.0.0"));
     let text = String::from_utf8(answer.success()?)?;
     assert!(text.ends_with("# EOF\n"));
-    let digest =
-        service.get("/info")?.json()?["models"][3]["digest"].as_str().unwrap_or_default().replace("sha256:", "");
+    let info = service.get("/info")?.json()?;
+    let digest = info["models"][2]["digest"].as_str().unwrap_or_default();
     for (series, expected) in [
         (r#"realbeam_requests_total{route="/v1/scan",code="200"}"#, 1.0),
         (r#"realbeam_requests_total{route="/v1/scan",code="413"}"#, 1.0),
@@ -45,7 +45,8 @@ fn what_was_asked_and_answered_is_counted() -> Result {
         ("realbeam_nonfinite_points_total", 2.0),
         ("realbeam_inflight_bytes", 0.0),
         (r#"realbeam_queue_depth{name="passthrough",version="2"}"#, 0.0),
-        (&format!(r#"realbeam_model_info{{name="passthrough",version="2",sha256="{digest}"}}"#), 1.0),
+        (&format!(r#"realbeam_model_info{{model="passthrough",version="2",digest="{digest}"}}"#), 1.0),
+        (r#"realbeam_model_loads_total{model="passthrough",outcome="loaded"}"#, 1.0),
     ] {
         assert_eq!(value(&text, series)?, expected, "{series}");
     }

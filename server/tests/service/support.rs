@@ -57,6 +57,12 @@ impl Service {
         Ok(Self { server, agent: ureq::Agent::new_with_config(agent.build()) })
     }
 
+    /// A service on models that no check would let in.
+    pub(crate) fn misbehaved() -> Result<Self> {
+        let models = data().join("misbehaved");
+        Self::with(&Config { models, default_model: "unruly".into(), ..config()? })
+    }
+
     pub(crate) fn url(&self, path: &str) -> String {
         format!("http://{}{path}", self.server.addr())
     }

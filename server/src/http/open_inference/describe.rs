@@ -1,5 +1,6 @@
 //! What the service and its models are, and whether they are ready.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::Json;
@@ -38,17 +39,17 @@ pub(super) async fn ready(State(app): State<Arc<App>>) -> Result<Json<Value>, Ap
 
 /// `GET /v2/models/{model}/ready`: the model takes scans.
 pub(super) async fn model_ready(State(app): State<Arc<App>>, path: InPath) -> Result<Json<Value>, ApiError> {
-    let model = path.find(&app, None)?;
+    let model = path.find(&app)?;
     require_ready(&app)?;
     Ok(Json(json!({ "name": model.name, "ready": true })))
 }
 
 /// `GET /v2/models/{model}`: versions, inputs and outputs.
 pub(super) async fn metadata(State(app): State<Arc<App>>, path: InPath) -> Result<Json<Value>, ApiError> {
-    let model = path.find(&app, None)?;
-    let of_name = app.catalogue.models().find(|(name, _)| *name == model.offer.model.name);
-    let versions: Vec<String> =
-        of_name.into_iter().flat_map(|(_, offers)| offers.map(|o| o.version.to_string())).collect();
+    let model = path.find(&app)?;
+    let models = app.catalogue.models();
+    let of_name = models.get(&model.offer.model.name);
+    let versions: Vec<String> = of_name.into_iter().flat_map(BTreeMap::keys).map(u64::to_string).collect();
     let (inputs, outputs) = signature(&model);
     let tensor = |(name, axes): Axes| json!({ "name": name, "datatype": DATATYPE, "shape": axes });
     Ok(Json(json!({
@@ -62,7 +63,7 @@ pub(super) async fn metadata(State(app): State<Arc<App>>, path: InPath) -> Resul
 
 /// `GET /v2/models/{model}/config`: the model's configuration in Triton's words.
 pub(super) async fn config(State(app): State<Arc<App>>, path: InPath) -> Result<Json<Value>, ApiError> {
-    let model = path.find(&app, None)?;
+    let model = path.find(&app)?;
     let (inputs, outputs) = signature(&model);
     // Batches are an axis of the tensors like the others; nothing is batched across requests.
     let tensor = |(name, axes): Axes| json!({ "name": name, "data_type": format!("TYPE_{DATATYPE}"), "dims": axes });

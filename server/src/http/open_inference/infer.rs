@@ -91,8 +91,9 @@ impl Wish {
     fn read(app: &App, path: InPath, head: &Parts) -> Result<Self, ApiError> {
         let (query, headers) = (query::pairs(&head.uri)?, &head.headers);
         let generator = query.iter().find(|(key, _)| key == "model").map(|(_, name)| &**name);
-        let model = path.find(app, generator)?;
-        Ok(Self { terms: Terms::read(headers)?, header_length: terms::number(headers, HEADER_LENGTH)?, model, query })
+        let terms = Terms::read(headers)?;
+        let model = path.find_for(app, generator, terms.canary_key(&head.extensions))?;
+        Ok(Self { terms, header_length: terms::number(headers, HEADER_LENGTH)?, model, query })
     }
 
     /// The whole pipeline. A body without JSON is the points, and comes back as points alone but for the JSON that names them.

@@ -52,11 +52,16 @@ impl FromRequestParts<Arc<App>> for InPath {
 }
 
 impl InPath {
-    /// The model, with `generator` in the pipeline.
-    pub(super) fn find(self, app: &App, generator: Option<&str>) -> Result<Named, ApiError> {
+    /// The model, for a request that is about it.
+    pub(super) fn find(self, app: &App) -> Result<Named, ApiError> {
+        self.find_for(app, None, None)
+    }
+
+    /// The model, with `generator` in the pipeline, for a stream.
+    pub(super) fn find_for(self, app: &App, generator: Option<&str>, stream: Option<&str>) -> Result<Named, ApiError> {
         let is_pipeline = self.name == PIPELINE;
         let generator = if is_pipeline { generator } else { Some(&*self.name) };
-        let offer = Arc::clone(app.catalogue.find(generator, self.version)?);
+        let offer = app.catalogue.find(generator, self.version, stream)?;
         Ok(Named { name: self.name, is_pipeline, offer })
     }
 }

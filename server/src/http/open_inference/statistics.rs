@@ -1,5 +1,6 @@
 //! How often a model was asked, and how long its stages took.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::Json;
@@ -14,13 +15,14 @@ use crate::statistics::Sum;
 
 /// `GET /v2/models/stats`: of every model.
 pub(super) async fn all(State(app): State<Arc<App>>) -> Json<Value> {
-    let offers = app.catalogue.models().flat_map(|(_, offers)| offers);
-    Json(json!({ "model_stats": offers.map(of_offer).collect::<Vec<_>>() }))
+    let models = app.catalogue.models();
+    let offers = models.values().flat_map(BTreeMap::values);
+    Json(json!({ "model_stats": offers.map(|offer| of_offer(offer)).collect::<Vec<_>>() }))
 }
 
 /// `GET /v2/models/{model}/stats`: of one.
 pub(super) async fn of_model(State(app): State<Arc<App>>, path: InPath) -> Result<Json<Value>, ApiError> {
-    let model = path.find(&app, None)?;
+    let model = path.find(&app)?;
     Ok(Json(json!({ "model_stats": [of_offer(&model.offer)] })))
 }
 
