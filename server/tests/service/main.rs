@@ -11,3 +11,4 @@ mod metrics;
 mod models;
 mod open_inference;
 mod support;
+mod swap;

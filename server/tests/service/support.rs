@@ -1,7 +1,8 @@
 //! A service on the tests' models, a client for it, and scans to send.
 
 use std::path::PathBuf;
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use lidar::PointCloud;
 use lidar::cloud::{Column, Values};
@@ -83,6 +84,16 @@ impl Service {
         Answer::read(request.send(body)?)
     }
 
+    /// Posts to the admin listener.
+    pub(crate) fn admin(&self, path: &str, authorization: Option<&str>, body: &str) -> Result<Answer> {
+        let addr = self.server.admin_addr().ok_or("no admin listener")?;
+        let mut request = self.agent.post(format!("http://{addr}{path}")).content_type("application/json");
+        if let Some(authorization) = authorization {
+            request = request.header("authorization", authorization);
+        }
+        Answer::read(request.send(body)?)
+    }
+
     pub(crate) fn get(&self, path: &str) -> Result<Answer> {
         Answer::read(self.agent.get(self.url(path)).call()?)
     }
@@ -125,6 +136,18 @@ impl Answer {
         assert!(!error.request_id.is_empty());
         Ok(error)
     }
+}
+
+/// Waits until something is so, for as long as a busy machine may need.
+pub(crate) fn wait_until(what: &str, mut is_so: impl FnMut() -> Result<bool>) -> Result {
+    let until = Instant::now() + Duration::from_mins(2);
+    while !is_so()? {
+        if Instant::now() > until {
+            return Err(format!("waited in vain until {what}").into());
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
 }
 
 /// A scan with a point in the middle of each of the sensor's pixels, in no particular order, with every kind of field.
