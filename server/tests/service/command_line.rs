@@ -1,5 +1,6 @@
 //! The binary: what it prints, how it fails, how it stops.
 
+use std::cell::RefCell;
 use std::fs;
 use std::io::{BufRead, BufReader, Lines, Read, Write};
 use std::net::TcpStream;
@@ -137,10 +138,83 @@ impl Drop for Serving {
 }
 
 #[test]
+fn a_model_is_checked_by_the_binary_itself_and_loaded_by_whoever_has_the_token() -> Result {
+    let folder = tempfile::tempdir()?;
+    let publish = |file: &str| -> Result<String> {
+        let place = folder.path().join("street/1");
+        fs::create_dir_all(&place)?;
+        fs::copy(data().join(file), place.join("model.onnx"))?;
+        Ok(place.join("model.onnx").display().to_string())
+    };
+    let serve = |variables: &[(&str, &str)]| {
+        let mut command = realbeam_server();
+        command.env("REALBEAM_MODELS", folder.path()).env("REALBEAM_DEFAULT_MODEL", "street");
+        command.env("REALBEAM_ADDR", "127.0.0.1:0").envs(variables.iter().copied());
+        command
+    };
+    let refused = |variables: &[(&str, &str)], words: &str| -> Result {
+        let output = serve(variables).arg("serve").output()?;
+        let said = stderr(&output);
+        assert!(!output.status.success() && said.contains(words), "`{said}` has no `{words}`");
+        Ok(())
+    };
+    let file = publish("hostile/moody.onnx")?;
+    refused(&[], &format!("model {file}: refused by its check: output `keep` is another one the second time"))?;
+    publish("models/passthrough/1/model.onnx")?;
+    let admin = ("REALBEAM_ADMIN", "127.0.0.1:0");
+    refused(&[admin], "--admin needs a token: either REALBEAM_ADMIN_TOKEN or --admin-token-file")?;
+    refused(&[admin, ("REALBEAM_ADMIN_TOKEN", "short")], "expected a token of 16 to 4096 visible ASCII characters")?;
+    refused(
+        &[("REALBEAM_ADMIN", "0.0.0.0:0"), ("REALBEAM_ADMIN_TOKEN", "0123456789abcdef")],
+        "is not a loopback address",
+    )?;
+    refused(&[("REALBEAM_CANARY", "street=1:0.1,street=2:0.1")], "model `street` has two canaries")?;
+
+    let token = folder.path().join("token");
+    fs::write(&token, "0123456789abcdef\n")?;
+    let token = token.display().to_string();
+    let address = RefCell::new(None);
+    let _service = Serving::start(&mut serve(&[admin, ("REALBEAM_ADMIN_TOKEN_FILE", &token)]), |line| {
+        let said = line.split_once("models are loaded at ").map(|(_, url)| url.trim().to_owned());
+        said.map(|url| address.replace(Some(url)));
+        plain(line)
+    })?;
+    let url = format!("{}/v2/repository/models/street/load", address.take().ok_or("no admin listener in the log")?);
+    publish("hostile/hungry.onnx")?;
+    let agent = ureq::Agent::config_builder().http_status_as_error(false).build().new_agent();
+    let load = || agent.post(&url).header("authorization", "Bearer 0123456789abcdef").send_empty();
+    let mut answer = load()?;
+    let said = answer.body_mut().read_to_string()?;
+    assert!(answer.status() == 422 && said.contains("does not run on an empty scan"), "{said}");
+    publish("models/passthrough/2/model.onnx")?;
+    assert_eq!(load()?.status(), 200);
+    Ok(())
+}
+
+/// By processor time, so that a busy machine changes nothing.
+#[test]
+fn a_check_ends_with_its_time_and_takes_no_more_than_its_memory() -> Result {
+    let check = |file: &str, limits: [&str; 2]| -> Result<Output> {
+        let mut command = realbeam_server();
+        Ok(command.arg("check-model").args(limits).stdin(fs::File::open(data().join(file))?).output()?)
+    };
+    let (memory, time) = ("--memory-bytes=4294967296", "--time-s=60");
+    let good = "models/passthrough/2/model.onnx";
+    assert!(check(good, [memory, time])?.status.success());
+    let endless = check("hostile/endless.onnx", [memory, "--time-s=1"])?;
+    assert_eq!(endless.status.code(), None, "ended by a signal: {}", endless.status);
+    let hungry = check("hostile/hungry.onnx", [memory, time])?;
+    assert!(String::from_utf8_lossy(&hungry.stdout).contains("Failed to allocate memory"), "{hungry:?}");
+    assert!(!check(good, ["--memory-bytes=50000000", time])?.status.success(), "the limit is one");
+    Ok(())
+}
+
+#[test]
 fn a_configuration_file_and_the_environment_say_what_the_command_line_does_not() -> Result {
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("server.toml");
-    let text = "addr = '127.0.0.1:0'\ndefault_model = 'no-such'\nmax_points = 7\nlog_format = 'json'\nqueue = 3\n";
+    let text = "addr = '127.0.0.1:0'\ndefault_model = 'no-such'\nmax_points = 7\nlog_format = 'json'\nqueue = 3\n\
+                canary = ['passthrough=1:1.0']\n";
     fs::write(&file, text)?;
     let mut command = realbeam_server();
     let command = command.env("REALBEAM_CONFIG", &file).env("REALBEAM_DEFAULT_MODEL", "passthrough");
@@ -151,6 +225,9 @@ fn a_configuration_file_and_the_environment_say_what_the_command_line_does_not()
     let mut info = ureq::get(format!("http://{}/info", service.addr)).call()?;
     let info: serde_json::Value = serde_json::from_str(&info.body_mut().read_to_string()?)?;
     assert_eq!((&info["default_model"], &info["max_points"]), (&"passthrough".into(), &7.into()));
+    let scan =
+        ureq::post(format!("http://{}/v1/scan", service.addr)).content_type("application/octet-stream").send_empty()?;
+    assert_eq!(scan.headers().get("x-realbeam-model-version").and_then(|v| v.to_str().ok()), Some("1"), "the canary");
 
     fs::write(&file, "quue = 3")?;
     let output = realbeam_server().args(["serve", "--config"]).arg(&file).output()?;
