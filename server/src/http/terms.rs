@@ -106,7 +106,11 @@ impl Terms {
             }
         };
         tokio::select! {
-            done = work => done.map_err(Into::into),
+            done = work => {
+                // Timers are coarse: the deadline may have passed and not rung yet.
+                let in_time = self.deadline.is_none_or(|deadline| Instant::now() <= deadline);
+                if in_time { done.map_err(Into::into) } else { Err(too_late()) }
+            }
             () = superseded => {
                 Err(ApiError::new(ErrorCode::Superseded, "a later scan of the same stream has come while this one waited"))
             }

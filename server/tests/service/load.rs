@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use proto::{ErrorBody, ErrorCode};
 
-use crate::support::{Answer, Result, Service, bin, config};
+use crate::support::{Answer, Result, Service, bin, config, wait_until};
 
 /// Query of the stand-in whose run takes longest: 64 × 2048.
 const SLOW: &str = "?model=hdl64e";
@@ -73,15 +73,12 @@ fn bodies_are_let_in_by_their_announced_length_and_the_others_told_to_wait() -> 
     let mut first = half_sent(&service, 192_000)?;
     service.scan("", &[], &body)?.success()?;
     let second = half_sent(&service, 96_000)?;
-    let until = Instant::now() + Duration::from_mins(1);
-    let refused = loop {
-        assert!(Instant::now() < until, "a third body is let in beside two that leave no room for it");
-        // The service has read the head of the second one as soon as a third one does not fit any more.
-        let answer = service.scan("", &[], &body)?;
-        if answer.status != 200 {
-            break answer;
-        }
-    };
+    // A third one that came before the head of the second one is read would take its place.
+    wait_until("two bodies are under way", || {
+        let metrics = String::from_utf8(service.get("/metrics")?.success()?)?;
+        Ok(metrics.lines().any(|line| line == "realbeam_inflight_bytes 288000"))
+    })?;
+    let refused = service.scan("", &[], &body)?;
     assert_eq!((refused.error()?.code, refused.header("retry-after")), (ErrorCode::TooManyBytes, "1"));
     assert!(refused.error()?.error.contains("bodies of 288000 bytes are under way"), "{}", refused.error()?.error);
     drop(second);
@@ -135,17 +132,14 @@ fn of_a_live_stream_a_scan_that_waits_gives_way_to_a_later_one() -> Result {
     service.scan(SLOW, &[], &body)?.success()?;
     let live = |query: &str| service.scan(query, &[("x-stream-id", "ego"), ("x-stream-mode", "latest")], &body);
     for _ in 0..20 {
+        // One for the worker, one that waits, others that come later.
+        let ask = || live(SLOW).map(|answer| answer.status).map_err(|error| error.to_string());
         let statuses = thread::scope(|scope| {
-            let after = |ms: u64| {
-                let live = &live;
-                scope.spawn(move || {
-                    thread::sleep(Duration::from_millis(ms));
-                    live(SLOW).map(|answer| answer.status).map_err(|error| error.to_string())
-                })
-            };
-            // One for the worker, one that waits, one that comes later.
-            let clients = [after(0), after(2), after(4)];
-            clients.map(|client| client.join().unwrap_or_else(|_| Err("a client panicked".into())))
+            let clients: Vec<_> = (0..8).map(|_| scope.spawn(ask)).collect();
+            clients
+                .into_iter()
+                .map(|client| client.join().unwrap_or_else(|_| Err("a client panicked".into())))
+                .collect::<Vec<_>>()
         });
         let statuses = statuses.into_iter().collect::<std::result::Result<Vec<_>, _>>()?;
         // On a busy machine they may come in another order; whichever comes last is answered.
