@@ -178,8 +178,9 @@ mod tests {
         let near = RangeImage::from_channels(8, vec![5.0; 16], vec![0.5; 16], vec![0; 16]);
         let far = RangeImage::from_channels(8, vec![50.0; 16], vec![0.5; 16], vec![0; 16]);
         let picture = image::load_from_memory(&stacked(&[(&near, "near"), (&far, "far")])?)?.to_rgb8();
-        let rows = |colour: Rgb<u8>| (0..picture.height()).filter(move |y| *picture.get_pixel(MARGIN, *y) == colour);
-        let (near, far) = (rows(range_colour(5.0)).max(), rows(range_colour(50.0)).min());
+        let has = |y: u32, range_m: f32| *picture.get_pixel(MARGIN, y) == range_colour(range_m);
+        let near = (0..picture.height()).rfind(|y| has(*y, 5.0));
+        let far = (0..picture.height()).find(|y| has(*y, 50.0));
         assert!(near.is_some() && near < far, "{near:?} {far:?}");
         Ok(())
     }

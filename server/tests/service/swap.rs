@@ -181,7 +181,7 @@ fn a_model_that_does_not_pass_is_refused_with_the_reason_and_the_old_one_serves_
         (file("hostile/no-such-operator.onnx")?, "Teleport"),
         (file("hostile/moody.onnx")?, "output `keep` is another one the second time, for an empty scan"),
         (file("hostile/hungry.onnx")?, "does not run on an empty scan: ONNX Runtime"),
-        (file("misbehaved/nan/1/model.onnx")?, "output `range` is not finite for 5760 of 5760 rays of an empty scan"),
+        (file("misbehaved/nan/1/model.onnx")?, "output `range` is not finite for 5760 of 5760 rays of a full scan"),
         (file("refused/external-data.onnx")?, "weight `elsewhere` is external data"),
         (file("refused/operator-of-the-runtime.onnx")?, "operator `com.microsoft.Gelu` is none of ONNX's own"),
         (file("refused/no-card.onnx")?, "has no card"),
