@@ -21,7 +21,7 @@ pub const IMAGE_CHANNELS: usize = 2;
 const HALVINGS: usize = 2;
 
 /// Size of a [`Resnet`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ResnetConfig {
     /// Channels of the first layer; the papers' ngf.
@@ -36,6 +36,9 @@ pub struct ResnetConfig {
     pub condition: bool,
     /// What the last layer says.
     pub output: Output,
+    /// The most that a [correction](Output::Correction) changes a range code by: 0.01 of the logarithmic code are 2.4 % of r + 1 m where a
+    /// sensor sees as far as 120 m. A simulator knows where things are; a discriminator that is shown other places would have them moved.
+    pub range_reach: f32,
 }
 
 /// What the last layer says of range code and reflectance.
@@ -58,6 +61,7 @@ impl Default for ResnetConfig {
             border: Border::Turn,
             condition: true,
             output: Output::Whole,
+            range_reach: 2.0,
         }
     }
 }
@@ -74,6 +78,8 @@ pub struct Resnet {
     border: Border,
     #[module(skip)]
     output: Output,
+    #[module(skip)]
+    range_reach: f32,
 }
 
 /// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
@@ -122,6 +128,7 @@ impl ResnetConfig {
             head: conv(width, IMAGE_CHANNELS + 1, 7, 0, device),
             border: self.border,
             output: self.output,
+            range_reach: self.range_reach,
         }
     }
 
@@ -194,7 +201,9 @@ impl Resnet {
         let said = channels(0, IMAGE_CHANNELS);
         let image = match self.output {
             Output::Whole => said.tanh(),
-            Output::Correction => image + said,
+            Output::Correction => {
+                image + Tensor::cat(vec![channels(0, 1).tanh() * self.range_reach, channels(1, 2)], 1)
+            }
         };
         Generated { image, keep_logit: channels(IMAGE_CHANNELS, IMAGE_CHANNELS + 1) }
     }
@@ -312,6 +321,30 @@ mod tests {
             (image_out - image.clone()).abs().max().into_scalar::<f32>()
         };
         assert!(off(Output::Correction) < 0.1 && off(Output::Whole) > 0.5);
+    }
+
+    #[test]
+    fn a_correction_moves_ranges_no_further_than_it_may() {
+        let device = Device::flex();
+        let (image, condition) = scan(&device);
+        let config = ResnetConfig { output: Output::Correction, range_reach: 0.01, ..small(Border::Turn) };
+        let mut network = config.init(&device);
+        network.head = conv(4, IMAGE_CHANNELS + 1, 7, 0, &device).map(&mut Louder);
+        let moved = (network.forward(image.clone(), &condition).image - image).abs();
+        let most = |channel: usize| moved.clone().slice(s![.., channel..=channel]).max().into_scalar::<f32>();
+        assert!(most(0) <= 0.010_001 && most(0) > 0.009 && most(1) > 0.1, "{} {}", most(0), most(1));
+    }
+
+    /// Weights a thousand times as large.
+    struct Louder;
+
+    impl burn::module::ModuleMapper for Louder {
+        fn map_float<const D: usize>(
+            &mut self,
+            param: burn::module::Param<Tensor<D>>,
+        ) -> burn::module::Param<Tensor<D>> {
+            param.map(|x| x * 1e3)
+        }
     }
 
     #[test]

@@ -280,6 +280,8 @@ impl TranslationConfig {
         ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
         ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
         ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        let reach = self.generator.range_reach;
+        ensure!(reach > 0.0 && reach <= 2.0, "generator.range_reach is {reach}, expected more than 0, at most 2");
         let d = &self.discriminator;
         ensure!((1..=6).contains(&d.halvings), "discriminator.halvings is {}, expected 1 to 6", d.halvings);
         for (name, number) in [("rings", rings), ("crop_columns", s.crop_columns)] {
