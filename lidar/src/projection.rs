@@ -93,6 +93,22 @@ pub enum ProjectionError {
         /// Points in all.
         points: usize,
     },
+    /// Points are counted for another number of rings than the sensor has.
+    #[error("points are counted for {found} rings, but the sensor has {rings}")]
+    OtherRings {
+        /// Rings that are counted.
+        found: usize,
+        /// Rings of the sensor.
+        rings: usize,
+    },
+    /// The rings' counts are not those of this cloud.
+    #[error("the rings are counted to have {counted} points, but the cloud has {points}")]
+    OtherPoints {
+        /// Sum of the counts.
+        counted: u64,
+        /// Points of the cloud.
+        points: usize,
+    },
     /// More points than a pixel index can count.
     #[error("{0} points are more than 2³² − 2")]
     TooManyPoints(usize),
@@ -145,12 +161,23 @@ impl Projector {
     ///
     /// After an error `out` is no projection of anything.
     pub fn project_into(&mut self, cloud: &PointCloud, out: &mut Projection) -> Result<(), ProjectionError> {
+        self.project_counted_into(cloud, None, out)
+    }
+
+    /// [`project_into`](Self::project_into), where `counts` may say how many points each of the sensor's rings has: the cloud then lists
+    /// them ring after ring, from the highest to the lowest, as CARLA does, and neither field nor elevation is asked.
+    pub fn project_counted_into(
+        &mut self,
+        cloud: &PointCloud,
+        counts: Option<&[u32]>,
+        out: &mut Projection,
+    ) -> Result<(), ProjectionError> {
         let points = cloud.len();
         if points >= NO_PIXEL as usize {
             return Err(ProjectionError::TooManyPoints(points));
         }
         self.polar.take(cloud);
-        let ring_source = self.rings.assign(cloud, &self.polar.turns, &self.polar.range_m, &mut self.row_of_point);
+        let ring_source = self.rings.assign(cloud, &self.polar, counts, &mut self.row_of_point)?;
         let mut report = self.polar.count(cloud, self.sensor.range_limits_m());
         let invalid = report.non_finite + report.zero_range;
         if invalid as f64 > MAX_INVALID_SHARE * points as f64 {
@@ -166,6 +193,11 @@ impl Projector {
         report.outside_view = points - placed - invalid - report.out_of_range;
         report.ring_source = ring_source;
         self.rings.numbers_in_cloud(ring_source, &mut out.ring_of_row);
+        if let (RingSource::Counts, Some(field)) = (ring_source, &cloud.ring) {
+            for (row, number) in self.row_of_point.iter().zip(field) {
+                out.ring_of_row[usize::from(*row)] = *number;
+            }
+        }
         out.report = report;
         Ok(())
     }

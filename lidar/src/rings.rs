@@ -1,10 +1,12 @@
-//! Which ring each point of a cloud belongs to: by the cloud's own ring field, by the order of its points, or by elevation.
+//! Which ring each point of a cloud belongs to: as its sender says, by the cloud's own ring field, by the order of
+//! its points, or by elevation.
 
 #![allow(
     clippy::inline_always,
     reason = "a loop is compiled for the processor at hand only where all of it is inlined"
 )]
 
+mod counts;
 mod field;
 mod order;
 
@@ -14,6 +16,7 @@ use pulp::Arch;
 use serde::Serialize;
 
 use crate::cloud::PointCloud;
+use crate::projection::{Polar, ProjectionError};
 use crate::sensor::Sensor;
 
 pub(crate) use order::{BACK_TURNS, number_rings};
@@ -22,6 +25,8 @@ pub(crate) use order::{BACK_TURNS, number_rings};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RingSource {
+    /// By the number of points of each ring, given beside the cloud.
+    Counts,
     /// By the cloud's ring field.
     Field,
     /// By the order of the points: beam by beam, a new one where the azimuth wraps (KITTI).
@@ -121,23 +126,26 @@ impl Rings {
         self.elevation_alone = true;
     }
 
-    /// Fills `rows` with the ring of each point, [`NO_RING`] where none sees it; `turns` and `range_m` are the points' azimuth and range.
+    /// Fills `rows` with the ring of each point, [`NO_RING`] where none sees it. `counts` are the points of each ring, where they are known.
     pub(crate) fn assign(
         &mut self,
         cloud: &PointCloud,
-        turns: &[f32],
-        range_m: &[f32],
+        polar: &Polar,
+        counts: Option<&[u32]>,
         rows: &mut Vec<u16>,
-    ) -> RingSource {
+    ) -> Result<RingSource, ProjectionError> {
         rows.resize(cloud.len(), NO_RING);
-        if !self.elevation_alone && self.assign_by_field(cloud, rows) {
+        Ok(if let Some(counts) = counts {
+            self.assign_by_counts(counts, rows)?;
+            RingSource::Counts
+        } else if !self.elevation_alone && self.assign_by_field(cloud, rows) {
             RingSource::Field
-        } else if !self.elevation_alone && self.assign_by_order(cloud, turns, range_m, rows) {
+        } else if !self.elevation_alone && self.assign_by_order(cloud, &polar.turns, &polar.range_m, rows) {
             RingSource::Order
         } else {
             self.assign_by_elevation(cloud, rows);
             RingSource::Elevation
-        }
+        })
     }
 
     /// Fills `numbers` with the number by which the cloud that was assigned last calls each of the sensor's rings: the sensor's own where

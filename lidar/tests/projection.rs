@@ -315,3 +315,26 @@ fn memory_is_taken_once() -> Outcome {
     cloud.x.clear();
     Ok(())
 }
+
+#[test]
+fn counts_tell_rings_from_the_highest_down_whatever_a_field_or_the_elevation_says() -> Outcome {
+    let sensor = sensor()?;
+    let mut cloud = cast(&sensor);
+    // A field in a numbering of its own, whose rings look elsewhere.
+    cloud.ring = Some(ring_field(&sensor).iter().map(|ring| (ring + 5) % 16).collect());
+    let mut projection = Projection::default();
+    let mut counts = vec![sensor.columns() as u32; 16];
+    let mut project =
+        |counts: &[u32]| Projector::new(&sensor).project_counted_into(&cloud, Some(counts), &mut projection);
+    project(&counts)?;
+    counts[3] += 1;
+    assert_eq!(project(&counts), Err(ProjectionError::OtherPoints { counted: 16 * 720 + 1, points: 16 * 720 }));
+    assert_eq!(project(&counts[1..]), Err(ProjectionError::OtherRings { found: 15, rings: 16 }));
+    counts[3] -= 1;
+    project(&counts)?;
+    assert_eq!((projection.report.ring_source, projection.report.lost), (RingSource::Counts, 0));
+    for (i, pixel) in projection.pixel_of_point.iter().enumerate() {
+        assert_eq!(*pixel as usize / sensor.columns(), i / sensor.columns());
+    }
+    Ok(())
+}

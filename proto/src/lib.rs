@@ -8,4 +8,4 @@ pub mod open_inference;
 
 pub use card::Card;
 pub use error::{ErrorBody, ErrorCode};
-pub use media::{Frame, MediaType};
+pub use media::{AnswerType, Form, Frame, MediaType};

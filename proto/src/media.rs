@@ -46,17 +46,46 @@ pub const MEDIA_TYPES: [MediaType; 13] = [
     MediaType::ros("application/cdr", Format::PointCloud2),
 ];
 
+/// What an answer to a scan shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// The realistic scan, in a format.
+    Scan(Format),
+    /// The range images before and after beside each other, as PNG.
+    Picture,
+    /// Every point before and after, and what became of it, as JSON.
+    Points,
+    /// The same without the names: ten little-endian float32 a point, as `GET /` takes them.
+    PointRecords,
+}
+
+/// A media type by which an answer travels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AnswerType {
+    /// The type's name, in lower case.
+    pub name: &'static str,
+    /// What the answer shows.
+    pub form: Form,
+}
+
+/// Types of answers that are no scans. A wildcard means one of them only where it covers no type of [`MEDIA_TYPES`].
+pub const VIEW_TYPES: [AnswerType; 3] = [
+    AnswerType { name: "image/png", form: Form::Picture },
+    AnswerType { name: "application/json", form: Form::Points },
+    AnswerType { name: "application/vnd.realbeam.points", form: Form::PointRecords },
+];
+
 /// A `Content-Type` that is none of [`MEDIA_TYPES`].
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("content type `{found}` is not known; there are {}", names())]
+#[error("content type `{found}` is not known; there are {}", names(&MEDIA_TYPES.map(AnswerType::from)))]
 pub struct UnknownMediaType {
     /// The type without its parameters.
     pub found: String,
 }
 
-/// An `Accept` header that no type of [`MEDIA_TYPES`] meets.
+/// An `Accept` header that no type of [`MEDIA_TYPES`] or [`VIEW_TYPES`] meets.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("none of the accepted types `{accept}` can be given; there are {}", names())]
+#[error("none of the accepted types `{accept}` can be given; there are {}", names(&answer_types()))]
 pub struct NotAcceptable {
     /// The header.
     pub accept: String,
@@ -87,17 +116,18 @@ impl MediaType {
     /// The type of the answer to a body of this type: the one that the `Accept` header weighs highest (RFC 9110, 12.5.1: of several
     /// ranges that cover a type the most specific one counts, `q=0` excludes). Among equals a type named in full goes before a
     /// wildcard, then the body's own type before others, then the one named first. No header means the body's own type.
-    pub fn negotiate(self, accept: Option<&str>) -> Result<Self, NotAcceptable> {
-        let Some(accept) = accept.filter(|a| !a.trim().is_empty()) else { return Ok(self) };
+    pub fn negotiate(self, accept: Option<&str>) -> Result<AnswerType, NotAcceptable> {
+        let own = AnswerType::from(self);
+        let Some(accept) = accept.filter(|a| !a.trim().is_empty()) else { return Ok(own) };
         let ranges: Vec<Range<'_>> = accept.split(',').filter_map(Range::parse).collect();
-        let weigh = |media: MediaType| {
+        let weigh = |media: AnswerType| {
             let covering = ranges.iter().enumerate().filter(|(_, range)| range.covers(media.name));
             let (place, range) = covering.max_by_key(|(place, range)| (range.specificity(), usize::MAX - place))?;
             // Weights have at most three decimals.
             let weight = (range.weight * 1000.0).round() as u32;
-            (weight > 0).then_some((weight, range.specificity(), media == self, usize::MAX - place))
+            (weight > 0).then_some((weight, range.specificity(), media == own, usize::MAX - place))
         };
-        let weighed = MEDIA_TYPES.into_iter().rev().filter_map(|media| Some((weigh(media)?, media)));
+        let weighed = answer_types().into_iter().rev().filter_map(|media| Some((weigh(media)?, media)));
         let best = weighed.max_by_key(|(weight, _)| *weight).map(|(_, media)| media);
         best.ok_or_else(|| NotAcceptable { accept: accept.into() })
     }
@@ -130,8 +160,19 @@ impl<'a> Range<'a> {
     }
 }
 
-fn names() -> String {
-    MEDIA_TYPES.map(|media| media.name).join(", ")
+impl From<MediaType> for AnswerType {
+    fn from(media: MediaType) -> Self {
+        Self { name: media.name, form: Form::Scan(media.format) }
+    }
+}
+
+/// Every type of an answer, scans first.
+fn answer_types() -> Vec<AnswerType> {
+    MEDIA_TYPES.into_iter().map(AnswerType::from).chain(VIEW_TYPES).collect()
+}
+
+fn names(types: &[AnswerType]) -> String {
+    types.iter().map(|media| media.name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -172,9 +213,23 @@ mod tests {
         assert_eq!(answer("application/x-npy;q=0.2, model/x-ply;q=0.9"), Ok("model/x-ply"));
         assert_eq!(answer("model/*"), Ok("model/x-ply"));
         assert_eq!(answer("application/*, application/x-pcd;q=0"), Ok("application/octet-stream"));
-        assert!(answer("image/png").is_err());
+        assert!(answer("image/jpeg").is_err());
         assert!(answer("*/*;q=0").is_err());
-        assert_eq!(pcd.negotiate(None)?, pcd);
+        assert_eq!(pcd.negotiate(None)?, pcd.into());
+        Ok(())
+    }
+
+    #[test]
+    fn a_view_is_given_where_it_is_named_or_nothing_else_is_covered() -> Result<(), Box<dyn std::error::Error>> {
+        let pcd = content("application/x-pcd")?;
+        let answer = |accept: &str| pcd.negotiate(Some(accept)).map(|media| media.name);
+        assert_eq!(answer("image/png"), Ok("image/png"));
+        assert_eq!(answer("image/*"), Ok("image/png"));
+        assert_eq!(answer("image/*;q=0.9, */*;q=0.8"), Ok("image/png"));
+        assert_eq!(answer("application/json, */*"), Ok("application/json"));
+        assert_eq!(answer("application/json;q=0.5, model/x-ply"), Ok("model/x-ply"));
+        assert_eq!(answer("application/*"), Ok("application/x-pcd"));
+        assert!(answer("image/png;q=0").is_err());
         Ok(())
     }
 }

@@ -31,6 +31,7 @@ mod streams;
 mod tensors;
 pub mod token;
 pub mod trial;
+mod view;
 pub mod worker;
 
 pub use canary::Canary;

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use axum::body::Bytes;
 use lidar::formats::{self, Format, FormatError, Limits};
+use lidar::picture::PictureError;
 use lidar::projection::{ProjectionError, Report};
 use lidar::{EmptyRays, PointCloud, Projection, Projector, RangeImage};
-use proto::Frame;
 use proto::open_inference::Tensor;
+use proto::{Form, Frame};
 use thiserror::Error;
 
 use crate::coverage::Coverage;
@@ -17,6 +18,7 @@ use crate::model::{Model, SessionError};
 use crate::sampled::{NotANumber, SampleError, Sampled};
 use crate::stopwatch::{Stage, StageTimes, Stopwatch};
 use crate::tensors::{self, TensorError};
+use crate::view::{self, View};
 use crate::worker::Caller;
 
 /// A model, loaded and ready, with all the memory that a scan needs on its way.
@@ -37,10 +39,12 @@ pub struct ScanJob {
     pub bytes: Bytes,
     /// Its format.
     pub format: Format,
-    /// The format of the answer.
-    pub answer_format: Format,
+    /// What the answer shows.
+    pub answer: Form,
     /// The frame of its coordinates, and of the answer's.
     pub frame: Frame,
+    /// Points of each of the model's rings, where the sender says so: the scan lists them ring after ring, from the highest to the lowest.
+    pub ring_counts: Option<Vec<u32>>,
     /// What is left to chance.
     pub chance: Chance,
     /// What the reader accepts.
@@ -50,7 +54,7 @@ pub struct ScanJob {
 /// A realistic scan.
 #[derive(Clone, Debug)]
 pub struct ScanAnswer {
-    /// The scan, in the format that was asked for.
+    /// The scan, or a view of it, in the form that was asked for.
     pub bytes: Vec<u8>,
     /// How the scan fitted the model.
     pub fit: Fit,
@@ -102,6 +106,18 @@ pub enum ScanError {
     /// The answer does not fit its format.
     #[error("answer: {0}")]
     Encode(#[source] FormatError),
+    /// The answer would list more points than such an answer may.
+    #[error(
+        "answer: {points} points are more than the {} that JSON lists; ask for a cloud or for image/png",
+        view::MAX_LISTED
+    )]
+    TooManyToList {
+        /// Points of the scan, and of the answer on rays where the scan has none.
+        points: usize,
+    },
+    /// The answer is no picture.
+    #[error("answer: {0}")]
+    Draw(#[from] PictureError),
     /// Nobody waits for the answer any more.
     #[error("whoever asked has left")]
     Abandoned,
@@ -144,18 +160,43 @@ impl Pipeline {
     /// stages if the caller has left.
     pub fn run(&mut self, job: &ScanJob, caller: Caller<'_>) -> Result<ScanAnswer, ScanError> {
         let mut watch = Stopwatch::start();
-        let simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
-        let fit = self.transform(simulated, job.frame, job.chance, Escort { watch: &mut watch, caller })?;
-        let bytes = formats::encode(job.answer_format, &self.realistic).map_err(ScanError::Encode)?;
+        let mut simulated = formats::decode(job.format, &job.bytes, &job.limits).map_err(ScanError::Decode)?;
+        if job.answer == Form::Points {
+            view::check_listed(simulated.len())?;
+        }
+        let asked = Asked { frame: job.frame, ring_counts: job.ring_counts.as_deref(), chance: job.chance };
+        let fit = self.transform(&mut simulated, asked, Escort { watch: &mut watch, caller })?;
+        let bytes = self.answer(job, &mut simulated, &fit)?;
         watch.lap(Stage::Encode);
         Ok(ScanAnswer { bytes, fit, times: watch.times() })
     }
 
+    /// The answer's bytes, once the scan is through.
+    fn answer(&self, job: &ScanJob, simulated: &mut PointCloud, fit: &Fit) -> Result<Vec<u8>, ScanError> {
+        if let Form::Scan(format) = job.answer {
+            return formats::encode(format, &self.realistic).map_err(ScanError::Encode);
+        }
+        change_frame(simulated, job.frame);
+        let view = View {
+            simulated,
+            realistic: &self.realistic,
+            projection: &self.projection,
+            measured: self.sampled.measured(),
+            fit,
+        };
+        match job.answer {
+            Form::Points => view.json(&self.model, job.chance.seed),
+            Form::PointRecords => Ok(view.records()),
+            Form::Picture | Form::Scan(_) => Ok(view.picture()?),
+        }
+    }
+
     /// Makes the scan in a file realistic, and writes it to another; labels beside a `.bin` are read and written there too.
     pub fn run_file(&mut self, from: &Path, to: &Path, file: FileJob) -> Result<Fit, ScanError> {
-        let simulated = formats::read(from, &file.limits).map_err(ScanError::Decode)?;
+        let mut simulated = formats::read(from, &file.limits).map_err(ScanError::Decode)?;
         let escort = Escort { watch: &mut Stopwatch::start(), caller: Caller::PATIENT };
-        let fit = self.transform(simulated, file.frame, file.chance, escort)?;
+        let asked = Asked { frame: file.frame, ring_counts: None, chance: file.chance };
+        let fit = self.transform(&mut simulated, asked, escort)?;
         formats::write(to, &self.realistic).map_err(ScanError::Encode)?;
         Ok(fit)
     }
@@ -165,18 +206,17 @@ impl Pipeline {
         tensors::run(&self.model, &mut self.generator, inputs, max_batch)
     }
 
-    /// The way of a scan between its decoding and its encoding; the result is `self.realistic`.
+    /// The way of a scan between its decoding and its encoding; the result is `self.realistic`, and `simulated` is in our frame.
     fn transform(
         &mut self,
-        mut simulated: PointCloud,
-        frame: Frame,
-        chance: Chance,
+        simulated: &mut PointCloud,
+        Asked { frame, ring_counts, chance }: Asked<'_>,
         mut escort: Escort<'_>,
     ) -> Result<Fit, ScanError> {
-        change_frame(&mut simulated, frame);
+        change_frame(simulated, frame);
         escort.lap(Stage::Decode)?;
 
-        self.projector.project_into(&simulated, &mut self.projection)?;
+        self.projector.project_counted_into(simulated, ring_counts, &mut self.projection)?;
         escort.lap(Stage::Project)?;
 
         self.generator.fill(&self.projection.image, chance);
@@ -189,10 +229,10 @@ impl Pipeline {
         self.sampled.draw(&self.projection.image, &outputs, chance.seed, card.adds_returns)?;
         escort.lap(Stage::Sample)?;
 
-        self.projection.reconstruct_into(&simulated, self.sampled.measured(), &mut self.realistic);
+        self.projection.reconstruct_into(simulated, self.sampled.measured(), &mut self.realistic);
         let kept = self.realistic.len();
         let added = if card.adds_returns {
-            let empty = EmptyRays { sensor: &card.sensor, cloud: &simulated, projection: &self.projection };
+            let empty = EmptyRays { sensor: &card.sensor, cloud: simulated, projection: &self.projection };
             empty.append_measured(self.sampled.measured(), &mut self.realistic)
         } else {
             0
@@ -221,6 +261,13 @@ impl Fit {
     pub fn out_of_range(&self) -> usize {
         self.report.out_of_range + self.report.outside_view
     }
+}
+
+/// What is asked of a scan's way, wherever it comes from and goes.
+struct Asked<'a> {
+    frame: Frame,
+    ring_counts: Option<&'a [u32]>,
+    chance: Chance,
 }
 
 /// What goes along with a scan from stage to stage.

@@ -7,9 +7,9 @@ use burn::tensor::{Device, Tensor};
 use lidar::PointCloud;
 use lidar::formats::{self, Format, Limits};
 use onnx::{Axis, Composition, Exporter, base_of};
-use proto::Frame;
 use proto::card::tensor::{KEEP, RANGE, REFLECTANCE};
 use proto::card::{Card, METADATA_KEY};
+use proto::{Form, Frame};
 use server::{Caller, Chance, Model, Pipeline, ScanJob};
 use tests::models;
 
@@ -47,7 +47,8 @@ fn answer(onnx: &[u8], scan: &Path) -> Result<PointCloud, Box<dyn std::error::Er
     let job = ScanJob {
         bytes: std::fs::read(scan)?.into(),
         format: Format::Kitti,
-        answer_format: Format::Ply,
+        answer: Form::Scan(Format::Ply),
+        ring_counts: None,
         frame: Frame::Ros,
         chance: Chance { seed: 3, ..Chance::default() },
         limits: Limits::default(),

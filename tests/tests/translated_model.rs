@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use lidar::formats::{self, Format, Limits};
 use lidar::{RangeImage, Sensor};
-use proto::Frame;
+use proto::{Form, Frame};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 use server::{Caller, Chance, Model, Pipeline, ScanJob};
@@ -61,7 +61,8 @@ fn a_translation_is_exported_and_served_like_any_other_model() -> Fact {
     let job = ScanJob {
         bytes: formats::encode(Format::Ply, &sent)?.into(),
         format: Format::Ply,
-        answer_format: Format::Ply,
+        answer: Form::Scan(Format::Ply),
+        ring_counts: None,
         frame: Frame::Ros,
         chance: Chance { seed: 3, ..Chance::default() },
         limits: Limits::default(),

@@ -52,10 +52,13 @@ impl From<ScanError> for ApiError {
         let message = error.to_string();
         match &error {
             ScanError::Decode(format) => Self::new(decode_code(format), message),
-            ScanError::Project(ProjectionError::TooManyPoints(_)) => Self::new(ErrorCode::TooManyPoints, message),
+            ScanError::Project(ProjectionError::TooManyPoints(_)) | ScanError::TooManyToList { .. } => {
+                Self::new(ErrorCode::TooManyPoints, message)
+            }
             ScanError::Project(_) => Self::new(ErrorCode::UnusableScan, message),
             ScanError::Infer(_) => Self::hidden(ErrorCode::ModelFailed, &message),
             ScanError::NotANumber(_) => Self::new(ErrorCode::ModelFailed, message),
+            ScanError::Draw(_) => Self::hidden(ErrorCode::Internal, &message),
             // Nobody is there to read this.
             ScanError::Abandoned => Self::new(ErrorCode::DeadlineExceeded, message),
             ScanError::Encode(_) => Self::new(ErrorCode::UnencodableAnswer, message),

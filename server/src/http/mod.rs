@@ -9,6 +9,7 @@ mod info;
 mod metrics;
 mod open_inference;
 mod query;
+mod ring_counts;
 mod scan;
 mod terms;
 mod work;

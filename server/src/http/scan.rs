@@ -8,12 +8,12 @@ use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use lidar::formats::Limits;
 use lidar::label::CarlaTags;
-use proto::{ErrorCode, MediaType};
+use proto::{AnswerType, ErrorCode, MediaType};
 
 use super::error::ApiError;
 use super::query::{self, ScanQuery};
 use super::terms::Terms;
-use super::{App, answer, body};
+use super::{App, answer, body, ring_counts};
 use crate::catalogue::Offer;
 use crate::generator::Chance;
 use crate::pipeline::{Pipeline, ScanJob};
@@ -27,7 +27,9 @@ pub(crate) struct Wish {
     /// Type of the body.
     pub(crate) content: MediaType,
     /// Type of the answer.
-    pub(crate) accepted: MediaType,
+    pub(crate) accepted: AnswerType,
+    /// Points of each ring.
+    pub(crate) ring_counts: Option<Vec<u32>>,
     /// Model to ask.
     pub(crate) offer: Arc<Offer>,
 }
@@ -39,7 +41,7 @@ pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Resul
         let admitted = body::admit(&app, &head.headers, &wish.offer)?;
         Ok((wish, admitted))
     });
-    let (wish, admitted) = match admitted {
+    let (mut wish, admitted) = match admitted {
         Ok(admitted) => admitted,
         Err(error) => {
             body::discard(body).await;
@@ -50,8 +52,9 @@ pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Resul
     let job = ScanJob {
         bytes,
         format: wish.content.format,
-        answer_format: wish.accepted.format,
+        answer: wish.accepted.form,
         frame: wish.query.frame.unwrap_or(wish.content.frame),
+        ring_counts: wish.ring_counts.take(),
         chance: Chance { seed: wish.seed, noise: wish.query.noise },
         limits: Limits {
             max_points: app.limits.max_points,
@@ -70,12 +73,13 @@ impl Wish {
         let (content, accepted) = media_types(&head.headers)?;
         let key = terms.canary_key(&head.extensions);
         let offer = app.catalogue.find(query.model.as_deref(), query.version, key)?;
-        Ok(Self { query, terms, seed, content, accepted, offer })
+        let ring_counts = ring_counts::read(&head.headers, &offer)?;
+        Ok(Self { query, terms, seed, content, accepted, ring_counts, offer })
     }
 }
 
 /// Type of the body, and of the answer.
-fn media_types(headers: &HeaderMap) -> Result<(MediaType, MediaType), ApiError> {
+fn media_types(headers: &HeaderMap) -> Result<(MediaType, AnswerType), ApiError> {
     let text = |name: header::HeaderName, code| match headers.get(&name).map(|value| value.to_str()) {
         None => Ok(None),
         Some(Ok(text)) => Ok(Some(text)),

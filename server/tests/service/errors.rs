@@ -22,7 +22,7 @@ fn raw(service: &Service, request: &[u8], breaks_off: bool) -> Result<(String, E
     Ok((head.into(), serde_json::from_str(body)?))
 }
 
-fn assert_error(answer: &Answer, status: u16, code: ErrorCode, words: &str) -> Result {
+pub(crate) fn assert_error(answer: &Answer, status: u16, code: ErrorCode, words: &str) -> Result {
     let error = answer.error()?;
     assert_eq!((answer.status, error.code), (status, code), "{}", error.error);
     assert!(error.error.contains(words), "`{}` has no `{words}`", error.error);
@@ -76,7 +76,7 @@ fn what_is_not_there_is_404_and_another_method_405() -> Result {
 fn unknown_types_are_406_and_415() -> Result {
     let service = Service::start()?;
     let of = |headers: &[(&str, &str)]| service.scan("", headers, &[]);
-    assert_error(&of(&[("accept", "image/png")])?, 406, ErrorCode::NotAcceptable, "`image/png`")?;
+    assert_error(&of(&[("accept", "image/jpeg")])?, 406, ErrorCode::NotAcceptable, "`image/jpeg`")?;
     assert_error(&of(&[("accept", "*/*;q=0")])?, 406, ErrorCode::NotAcceptable, "")?;
     let form = "application/x-www-form-urlencoded";
     assert_error(&of(&[("content-type", form)])?, 415, ErrorCode::UnsupportedMediaType, form)?;

@@ -10,5 +10,7 @@ mod load;
 mod metrics;
 mod models;
 mod open_inference;
+mod ring_counts;
 mod support;
 mod swap;
+mod views;

@@ -85,7 +85,7 @@ pub(super) fn check(
             let points = (0..cloud.len()).filter(renumbered).count();
             notices.extend((points > 0).then_some((Notice::RingsRenumbered, points)));
         }
-        (RingSource::Field, None) => {}
+        (RingSource::Field, None) | (RingSource::Counts, _) => {}
     }
     if share < USUALLY_FITTING {
         notices.push((Notice::OffRays, fit.looked_at - fit.fitting));

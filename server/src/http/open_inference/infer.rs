@@ -10,14 +10,14 @@ use axum::response::{IntoResponse, Response};
 use lidar::formats::{Format, Limits};
 use lidar::label::CarlaTags;
 use proto::open_inference::{Answer, HEADER_LENGTH, InferRequest, Tensor};
-use proto::{ErrorCode, Frame};
+use proto::{ErrorCode, Form, Frame};
 use serde_json::{Map, Value};
 
 use super::super::error::ApiError;
 use super::super::query::{self, ScanQuery};
 use super::super::terms::{self, Terms};
 use super::super::work::Output;
-use super::super::{App, answer, body};
+use super::super::{App, answer, body, ring_counts};
 use super::named::{InPath, Named, POINTS};
 use crate::generator::Chance;
 use crate::pipeline::{Fit, Pipeline, ScanError, ScanJob};
@@ -30,6 +30,8 @@ struct Wish {
     terms: Terms,
     query: Vec<(String, String)>,
     header_length: Option<usize>,
+    /// Of a scan, the points of each ring.
+    ring_counts: Option<Vec<u32>>,
 }
 
 /// An answer's bytes, and how many of them are JSON where tensors follow.
@@ -93,7 +95,8 @@ impl Wish {
         let generator = query.iter().find(|(key, _)| key == "model").map(|(_, name)| &**name);
         let terms = Terms::read(headers)?;
         let model = path.find_for(app, generator, terms.canary_key(&head.extensions))?;
-        Ok(Self { terms, header_length: terms::number(headers, HEADER_LENGTH)?, model, query })
+        let ring_counts = if model.is_pipeline { ring_counts::read(headers, &model.offer)? } else { None };
+        Ok(Self { terms, header_length: terms::number(headers, HEADER_LENGTH)?, ring_counts, model, query })
     }
 
     /// The whole pipeline. A body without JSON is the points, and comes back as points alone but for the JSON that names them.
@@ -119,8 +122,9 @@ impl Wish {
         let job = ScanJob {
             bytes: points,
             format: Format::Kitti,
-            answer_format: Format::Kitti,
+            answer: Form::Scan(Format::Kitti),
             frame: query.frame.unwrap_or(Frame::Ros),
+            ring_counts: self.ring_counts.clone(),
             chance: Chance { seed, noise: query.noise },
             limits: Limits { max_points, carla_tags: CarlaTags::Since0914 },
         };
