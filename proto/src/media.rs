@@ -1,7 +1,7 @@
 //! Media types of scans, and which one an answer has.
 
 use lidar::formats::Format;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
 
 /// A media type by which a scan travels.
@@ -9,8 +9,8 @@ use thiserror::Error;
 pub struct MediaType {
     /// The type's name, in lower case.
     pub name: &'static str,
-    /// The format of the bytes.
-    #[serde(skip)]
+    /// The format of the bytes; in JSON the ending of its files' names.
+    #[serde(rename = "extension", serialize_with = "extension")]
     pub format: Format,
     /// The frame of a body of this type, unless the query names another.
     pub frame: Frame,
@@ -164,6 +164,12 @@ impl From<MediaType> for AnswerType {
     fn from(media: MediaType) -> Self {
         Self { name: media.name, form: Form::Scan(media.format) }
     }
+}
+
+// The signature is serde's.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn extension<S: Serializer>(format: &Format, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(format.extension())
 }
 
 /// Every type of an answer, scans first.

@@ -23,6 +23,8 @@ pub struct Config {
     pub default_model: String,
     /// Address to listen at; port 0 takes a free one.
     pub addr: SocketAddr,
+    /// Whether `GET /` is a page for people.
+    pub page: bool,
     /// Workers of each model.
     pub workers: WorkerOptions,
     /// How models are checked before they are served.
@@ -91,6 +93,7 @@ impl Default for Config {
             models: "models".into(),
             default_model: "hdl64e".into(),
             addr: (Ipv4Addr::LOCALHOST, 8080).into(),
+            page: true,
             workers: WorkerOptions::default(),
             check: CheckOptions::default(),
             canaries: Vec::new(),

@@ -42,6 +42,9 @@ pub(super) struct Serve {
     /// Address to listen at; port 0 takes a free one.
     #[arg(long, env = "REALBEAM_ADDR", default_value = "127.0.0.1:8080")]
     addr: SocketAddr,
+    /// No page for people at `GET /`.
+    #[arg(long, env = "REALBEAM_NO_UI", value_parser = clap::builder::BoolishValueParser::new())]
+    no_ui: bool,
     /// Worker threads of each model, each with a session of its own.
     #[arg(long, env = "REALBEAM_WORKERS", default_value_t = 1, value_parser = positive)]
     workers: usize,
@@ -128,6 +131,7 @@ impl Serve {
             models: self.models,
             default_model: self.default_model,
             addr: self.addr,
+            page: !self.no_ui,
             workers: WorkerOptions {
                 workers: self.workers,
                 threads: self.threads.unwrap_or_else(cores),

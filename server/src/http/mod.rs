@@ -8,8 +8,10 @@ mod error;
 mod info;
 mod metrics;
 mod open_inference;
+mod page;
 mod query;
 mod ring_counts;
+mod sample;
 mod scan;
 mod terms;
 mod work;
@@ -61,10 +63,10 @@ impl App {
     }
 }
 
-/// The service's routes.
-pub(crate) fn router(app: Arc<App>) -> Router {
-    Router::new()
-        .route("/v1/scan", post(scan::scan))
+/// The service's routes, with or without its page.
+pub(crate) fn router(app: Arc<App>, with_page: bool) -> Router {
+    let page = if with_page { page::router() } else { Router::new() };
+    page.route("/v1/scan", post(scan::scan))
         .route("/info", get(info::info))
         .route("/metrics", get(metrics::metrics))
         .merge(open_inference::router())

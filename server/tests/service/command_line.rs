@@ -214,7 +214,7 @@ fn a_configuration_file_and_the_environment_say_what_the_command_line_does_not()
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("server.toml");
     let text = "addr = '127.0.0.1:0'\ndefault_model = 'no-such'\nmax_points = 7\nlog_format = 'json'\nqueue = 3\n\
-                canary = ['passthrough=1:1.0']\n";
+                canary = ['passthrough=1:1.0']\nno_ui = true\n";
     fs::write(&file, text)?;
     let mut command = realbeam_server();
     let command = command.env("REALBEAM_CONFIG", &file).env("REALBEAM_DEFAULT_MODEL", "passthrough");
@@ -224,6 +224,8 @@ fn a_configuration_file_and_the_environment_say_what_the_command_line_does_not()
     })?;
     let mut info = ureq::get(format!("http://{}/info", service.addr)).call()?;
     let info: serde_json::Value = serde_json::from_str(&info.body_mut().read_to_string()?)?;
+    let page = ureq::get(format!("http://{}/", service.addr)).config().http_status_as_error(false).build().call()?;
+    assert_eq!(page.status(), 404);
     assert_eq!((&info["default_model"], &info["max_points"]), (&"passthrough".into(), &7.into()));
     let scan =
         ureq::post(format!("http://{}/v1/scan", service.addr)).content_type("application/octet-stream").send_empty()?;

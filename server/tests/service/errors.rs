@@ -63,7 +63,7 @@ fn what_is_not_there_is_404_and_another_method_405() -> Result {
         not_there(&format!("?model={name}"), "no model `")?;
     }
     assert_error(&service.get("/v2/models/hdl65e")?, 404, ErrorCode::ModelNotFound, "no model `hdl65e`")?;
-    for path in ["/", "/v1", "/v1/scan/", "/v2/health", "/etc/passwd"] {
+    for path in ["/index.html", "/v1", "/v1/scan/", "/v2/health", "/etc/passwd"] {
         assert_error(&service.get(path)?, 404, ErrorCode::RouteNotFound, "no such route")?;
     }
     let get = service.get("/v1/scan")?;

@@ -10,6 +10,7 @@ mod load;
 mod metrics;
 mod models;
 mod open_inference;
+mod page;
 mod ring_counts;
 mod support;
 mod swap;

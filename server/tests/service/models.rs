@@ -11,7 +11,8 @@ use crate::support::{Result, Service, config, data};
 fn info_lists_the_rings_to_simulate() -> Result {
     let info = Service::start()?.get("/info")?.json()?;
     assert_eq!(info["default_model"], "passthrough");
-    assert_eq!(info["media_types"][0]["name"], "application/octet-stream");
+    let default = serde_json::json!({ "name": "application/octet-stream", "extension": "bin", "frame": "ros" });
+    assert_eq!(info["media_types"][0], default);
     let names: Vec<_> = info["models"].as_array().into_iter().flatten().map(|m| m["name"].clone()).collect();
     assert_eq!(names, ["ghosts", "hdl64e", "passthrough"]);
     let model = &info["models"][2];
