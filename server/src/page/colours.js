@@ -23,15 +23,17 @@ function turbo(t) {
 const RANGE_COLOURS = Array.from({ length: 256 }, (_, i) => turbo(0.08 + 0.8 * (1 - i / 255)));
 const place_of_range = (range_m) => Math.min(1, Math.max(0, Math.log(range_m / 2) / Math.log(50)));
 
-/** Most of the world is dark: brightness goes by the square root. */
-const grey = (reflectance) => {
-  const value = 36 + 219 * Math.sqrt(Math.min(1, Math.max(0, reflectance)));
-  return [value, value, value];
-};
+/** From dark to light by the square root, since most of the world is dark. */
+const REFLECTANCE_STOPS = [[36, 44, 72], [58, 96, 152], [132, 184, 216], [255, 246, 226]];
+const REFLECTANCE_COLOURS = Array.from({ length: 256 }, (_, i) => {
+  const at = Math.sqrt(i / 255) * (REFLECTANCE_STOPS.length - 1);
+  const below = Math.min(Math.floor(at), REFLECTANCE_STOPS.length - 2);
+  return REFLECTANCE_STOPS[below].map((from, k) => from + (at - below) * (REFLECTANCE_STOPS[below + 1][k] - from));
+});
 
 const COLOUR_OF = {
   range: (cloud, i) => RANGE_COLOURS[Math.round(255 * place_of_range(cloud.range_m[i]))],
-  reflectance: (cloud, i) => grey(cloud.reflectance[i]),
+  reflectance: (cloud, i) => REFLECTANCE_COLOURS[Math.round(255 * Math.min(1, Math.max(0, cloud.reflectance[i])))],
   label: (cloud, i) => CLASS_COLOURS[cloud.label[i]] ?? CLASS_COLOURS[0],
   fate: (cloud, i) => FATE_COLOURS[cloud.fate[i]],
 };
@@ -50,9 +52,9 @@ function show_legend(element, by, clouds) {
     const [canvas, low, high] = [document.createElement("canvas"), document.createElement("span"), document.createElement("span")];
     [low.textContent, high.textContent] = by === "range" ? ["2 m", "100 m"] : ["0", "1"];
     [canvas.width, canvas.height] = [256, 1];
-    const context = canvas.getContext("2d");
+    const [context, palette] = [canvas.getContext("2d"), by === "range" ? RANGE_COLOURS : REFLECTANCE_COLOURS];
     for (let i = 0; i < 256; i++) {
-      context.fillStyle = `rgb(${(by === "range" ? RANGE_COLOURS[i] : grey(i / 255)).join(" ")})`;
+      context.fillStyle = `rgb(${palette[i].join(" ")})`;
       context.fillRect(i, 0, 1, 1);
     }
     element.append(low, canvas, high);

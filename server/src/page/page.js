@@ -133,7 +133,7 @@ function show_times() {
   }));
   const rows = stages.flatMap((stage) => pair(stage.name, `${stage.ms.toFixed(1)} ms`, stage.colour));
   const sums = [...pair("in the service", `${total_ms.toFixed(1)} ms`), ...pair("there and back", `${answer.round_trip_ms.toFixed(0)} ms`)];
-  element("times").replaceChildren(...rows, ...sums);
+  element("times").replaceChildren(...sums, ...rows);
 }
 
 /** Takes over a scan; its type is guessed by its name's ending, the longest that fits. */

@@ -48,7 +48,7 @@ function create_view(canvas) {
 
   function start() {
     const narrow = canvas.clientWidth < canvas.clientHeight;
-    return { target: [narrow ? 4 : 7, 0, -1], yaw: Math.PI + 0.38, pitch: 0.42, distance: narrow ? 34 : 27 };
+    return { target: [narrow ? 4 : 7, 0, -1], yaw: Math.PI + 0.38, pitch: 0.42, distance: narrow ? 34 : 30 };
   }
 
   function draw() {
