@@ -4,7 +4,7 @@ BIN := $(CARGO_TARGET_DIR)/release
 PYTHON_ENV := $(CARGO_TARGET_DIR)/python
 export REALBEAM_PYTHON ?= $(PYTHON_ENV)/bin/python
 
-.PHONY: build demo test lint bench
+.PHONY: build demo test page lint bench
 
 # All targets in one go: Cargo would otherwise build Burn a second time for the tests, whose dependencies switch on other features.
 build:
@@ -17,6 +17,10 @@ demo: build
 test: build
 	@scripts/python-env.sh $(PYTHON_ENV)
 	cargo test --release --locked --workspace
+
+# Looks at the server's page in a headless Chromium, and writes what it saw; needs `pip install playwright` and says so where it is missing.
+page: build
+	$(REALBEAM_PYTHON) scripts/look_at_page.py $(BIN)/realbeam-server build/page
 
 lint:
 	cargo fmt --all --check

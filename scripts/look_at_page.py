@@ -3,7 +3,7 @@ cloud and both range images are drawn, that divider, colours, seeds and download
 
     python scripts/look_at_page.py SERVER [FOLDER]
 
-SERVER is the binary `realbeam-server` (it is started with --models models), FOLDER gets screenshots (default build/page). Needs
+SERVER is the binary `realbeam-server`, started where the folder `models` is; FOLDER gets screenshots (default build/page). Needs
 `pip install playwright` and a Chromium: the system's, or that of `playwright install chromium`. Where either is missing it says so and
 is skipped, with exit status 0, unless REALBEAM_BROWSER=required.
 """
