@@ -47,7 +47,7 @@ def launch(playwright):
 
 def shown(page, act):
     """Does something and waits for the answer that follows."""
-    page.evaluate("document.body.dataset.state = 'waiting'")
+    page.evaluate("if (document.body.dataset.state !== 'empty') document.body.dataset.state = 'waiting'")
     act()
     page.wait_for_selector(":is(body[data-state=shown], body[data-state=failed]):not([data-busy])")
     assert page.get_attribute("body", "data-state") == "shown", page.inner_text("#status")
@@ -68,6 +68,7 @@ def look(browser, address, folder, name, size):
     page.wait_for_selector("#model option", state="attached")
     page.screenshot(path=folder / f"{name}-empty.png")
 
+    shown(page, lambda: page.click("#sample"))
     sample = folder / "street.ply"
     sample.write_bytes(page.request.get(f"{address}/sample").body())
     shown(page, lambda: page.set_input_files("#file", sample))

@@ -212,6 +212,7 @@ function listen() {
   });
   on("colouring", "change", () => answer && paint());
   on("download", "click", download);
+  on("status", "click", () => say(""));
   on("reset", "click", () => view?.reset());
 
   const divider = element("divider");
