@@ -28,7 +28,7 @@ impl Street {
     /// The handler: the scan as PLY, with rings and labels; `?model=` and `?version=` as for a scan.
     pub(super) async fn sample(self, State(app): State<Arc<App>>, uri: Uri) -> Result<Response, ApiError> {
         let query = ScanQuery::parse(&query::pairs(&uri)?)?;
-        let sensor = app.catalogue.find(query.model.as_deref(), query.version)?.model.card.sensor.clone();
+        let sensor = app.catalogue.find(query.model.as_deref(), query.version, None)?.model.card.sensor.clone();
         let mut latest = self.0.lock_owned().await;
         // The lock goes along, so that whoever leaves meanwhile lets nobody else begin.
         let cast = tokio::task::spawn_blocking(move || match &*latest {

@@ -61,7 +61,7 @@ impl Default for ResnetConfig {
             border: Border::Turn,
             condition: true,
             output: Output::Whole,
-            range_reach: 2.0,
+            range_reach: 1.0,
         }
     }
 }
