@@ -3,11 +3,13 @@
 pub(crate) mod admin;
 mod answer;
 mod body;
+mod docs;
 mod envelope;
 mod error;
 mod info;
 mod metrics;
 mod open_inference;
+mod openapi;
 mod page;
 mod query;
 mod ring_counts;
@@ -69,6 +71,8 @@ pub(crate) fn router(app: Arc<App>, with_page: bool) -> Router {
     page.route("/v1/scan", post(scan::scan))
         .route("/info", get(info::info))
         .route("/metrics", get(metrics::metrics))
+        .route("/api-doc/openapi.json", get(openapi::openapi))
+        .route("/docs", get(docs::docs))
         .merge(open_inference::router())
         .fallback(no_such_route)
         .method_not_allowed_fallback(other_method)
@@ -79,8 +83,7 @@ pub(crate) fn router(app: Arc<App>, with_page: bool) -> Router {
 
 async fn no_such_route(request: Request) -> ApiError {
     body::discard(request.into_body()).await;
-    let routes =
-        "POST /v1/scan, GET /v2/health/live, GET /v2/health/ready, GET /v2/models/{model}, GET /info, GET /metrics";
+    let routes = "POST /v1/scan, GET /v2/health/live, GET /v2/health/ready, GET /v2/models/{model}, GET /info, GET /metrics, GET /docs";
     ApiError::new(ErrorCode::RouteNotFound, format!("no such route; there are {routes}"))
 }
 

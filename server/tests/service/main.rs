@@ -4,6 +4,7 @@ mod added;
 mod answers;
 mod command_line;
 mod conversion;
+mod docs;
 mod errors;
 mod formats;
 mod load;

@@ -9,7 +9,7 @@ use likeness::{Draws, Score};
 
 use super::config::TranslationConfig;
 use super::domain::Domain;
-use super::realness::{Distance, distances};
+use super::realness::{self as quick, Distance};
 use crate::generator::{Answer, Generator};
 use crate::realness::{Judge, Protocol, Summary};
 use crate::segmentation::Segmentation;
@@ -53,7 +53,7 @@ impl<'s> Exam<'s> {
 
     /// How far answers are from real scans; then how far from the scans that they answer, of which no [`floor`](Self::floor) is known.
     pub fn scores(&self, answers: &[RangeImage]) -> Result<Vec<Distance>> {
-        let mut scores = self.from_real(answers)?;
+        let mut scores = self.distances(answers)?;
         if let Some((judge, _)) = &self.judge {
             scores.extend(judge.faithfulness(answers, &self.simulated)?.into_iter().map(Distance::from));
         }
@@ -68,7 +68,7 @@ impl<'s> Exam<'s> {
     /// How far the real scans that are learned from are from those that answers are compared with: what a perfect translation could be
     /// expected to be.
     pub fn floor(&self) -> Result<Vec<Distance>> {
-        self.from_real(&self.learned)
+        self.distances(&self.learned)
     }
 
     /// What was compared, in a sentence.
@@ -85,9 +85,9 @@ impl<'s> Exam<'s> {
         Ok(lidar::picture::stacked(&scans)?)
     }
 
-    fn from_real(&self, scans: &[RangeImage]) -> Result<Vec<Distance>> {
+    fn distances(&self, scans: &[RangeImage]) -> Result<Vec<Distance>> {
         Ok(match &self.judge {
-            None => distances(scans, &self.real),
+            None => quick::distances(scans, &self.real),
             Some((judge, real)) => {
                 judge.score(&judge.sum_up(scans)?, real, judge.draws)?.into_iter().map(Distance::from).collect()
             }
