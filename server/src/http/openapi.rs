@@ -215,7 +215,11 @@ fn in_path(versioned: bool) -> Value {
 fn terms() -> impl Iterator<Item = Value> {
     let id = || json!({ "type": "string", "minLength": 1, "maxLength": 128, "pattern": "^[!-~]+$" });
     [
-        header("x-request-id", id(), "Comes back, and stands in the service's log."),
+        header(
+            "x-request-id",
+            json!({ "type": "string" }),
+            "1 to 128 visible characters come back and stand in the service's log; anything else gives way to an id of its own.",
+        ),
         header("x-stream-id", id(), "The stream that the scan is of."),
         header(
             "x-stream-mode",
