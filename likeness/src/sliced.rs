@@ -25,6 +25,9 @@ const SIDE: usize = 7;
 const PATCHES: usize = 128;
 const DIRECTIONS: usize = 4 * 128;
 
+/// Rings and columns that an image has to have, so that the coarsest level holds a patch.
+pub const LEAST: usize = SIDE << (LEVELS - 1);
+
 /// How long a direction is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
@@ -78,7 +81,7 @@ impl Slicer {
     /// The patches of a scan, by its number among its set.
     ///
     /// # Panics
-    /// If the image is smaller than 28 × 28, so that the coarsest level holds no patch.
+    /// If the image is smaller than [`LEAST`] either way.
     pub fn slice(&self, image: Plane, number: usize) -> Slices {
         let least = SIDE << (LEVELS - 1);
         assert!(image.rings() >= least && image.columns >= least, "an image of {least} × {least} or more");

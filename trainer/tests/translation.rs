@@ -7,8 +7,12 @@ use burn::tensor::{Device, Tensor, s};
 use lidar::{RangeImage, Sensor, formats};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use scene::street::{StreetConfig, street};
+use scene::{Motion, Pose, cast};
 use trainer::generator::Answer;
 use trainer::network::resnet::IMAGE_CHANNELS;
+use trainer::segmentation::weights::SegmentationCard;
+use trainer::segmentation::{DarknetConfig, Segmentation};
 use trainer::train::{Run, checkpoint};
 use trainer::translation::method::{Setting, Step, adversarial};
 use trainer::translation::sampler::scans;
@@ -294,6 +298,38 @@ fn a_table_trains_what_is_missing_and_nothing_twice() -> Fact {
 
     let refused = Table::read(&write_table(root.path(), [2, 3])?);
     assert!(refused.is_err_and(|e| e.to_string().contains("budget")));
+    Ok(())
+}
+
+#[test]
+fn with_a_segmentation_network_a_table_tells_every_metric() -> Fact {
+    let (root, sensor) = (tempfile::tempdir()?, Sensor::builtin("hdl32e")?.with_columns(128)?);
+    for part in ["train", "validate", "test"] {
+        for domain in ["simulated", "real"] {
+            let folder = root.path().join(domain).join(part);
+            std::fs::create_dir_all(&folder)?;
+            for seed in 0..2 {
+                let cast = cast(&street(seed, &StreetConfig::default()), &sensor, &Pose::default(), &Motion::default());
+                formats::write(&folder.join(format!("{seed}.ply")), &cast.image.to_cloud(&sensor))?;
+            }
+        }
+    }
+    let config = config("unet", "steps = 1\ncheckpoint_every = 1\nsamples_every = 0")?.to_toml()?;
+    let config = config.replace("vlp16", "hdl32e").replace("columns = 64", "columns = 128");
+    std::fs::write(root.path().join("unet.toml"), config)?;
+    let path = root.path().join("table.toml");
+    std::fs::write(&path, "seeds = [1]\n[[row]]\nname = \"unet\"\nconfig = \"unet.toml\"\n")?;
+    let size = DarknetConfig { channels: [8; 5] };
+    let network = size.init(&Device::flex());
+    let segmentation = Segmentation { network, card: SegmentationCard::new("random", "MIT", "", sensor, size) };
+    let text = Table::read(&path)?.run(root.path(), &root.path().join("runs"), Some(&segmentation))?;
+    // Both domains are the same streets: the simulation is no distance from real, and has lost nothing.
+    let line = |name: &str| text.lines().find(|line| line.contains(name)).ok_or_else(|| format!("no {name} in {text}"));
+    for name in ["Fréchet", "SWD", "voxels", "reflectance", "empty rays", "range RMSE"] {
+        let value: f64 = line(name)?.split('|').nth(2).ok_or("no column")?.trim().parse()?;
+        assert!(value.abs() < 1e-6, "{name} is {value}: {text}");
+    }
+    assert!(root.path().join("runs/answers.png").exists());
     Ok(())
 }
 

@@ -6,6 +6,7 @@ pub mod report;
 use anyhow::{Result, ensure};
 use burn::tensor::Device;
 use lidar::{RangeImage, Sensor};
+use likeness::sliced::LEAST;
 use likeness::{Draws, Floor, Score, Set, cls2r};
 use serde::Serialize;
 
@@ -71,6 +72,13 @@ impl Judge<'_> {
     pub fn sum_up(&self, images: &[RangeImage]) -> Result<Summary> {
         ensure!(!images.is_empty(), "no scan to judge");
         let size = (self.sensor.rings().len(), self.sensor.columns());
+        ensure!(
+            size.0.min(size.1) >= LEAST,
+            "{}: {} rings and {} columns; scans are compared by patches, which take {LEAST} of both",
+            self.sensor.name,
+            size.0,
+            size.1
+        );
         for image in images {
             let found = (image.rings(), image.columns());
             ensure!(found == size, "a scan has {found:?} rings and columns, the sensor {size:?}");

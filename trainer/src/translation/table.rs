@@ -96,7 +96,7 @@ impl Table {
         write!(
             text,
             "\nMean of {seeds} seeds ± half of its 95 % interval (Student's t), and the share of the gap between simulation and other real\n\
-             scans that is closed; {} steps of {} cut-outs of {} columns each. {}\n",
+             scans that is closed, where these are nearer; {} steps of {} cut-outs of {} columns each. {}\n",
             s.steps,
             s.batch,
             s.crop_columns,
@@ -131,7 +131,8 @@ fn print(exam: &Exam<'_>, rows: &[Row<'_>]) -> Result<String> {
             if let Some(half_width) = half_width {
                 write!(out, " ± {}", short(half_width))?;
             }
-            if let Some(to) = to {
+            // Where other real scans are no nearer than the simulation there is no gap.
+            if let Some(to) = to.filter(|to| *to < from.value) {
                 write!(out, " ({:.0} %)", 100.0 * (from.value - mean) / (from.value - to))?;
             }
             out += " |";
