@@ -1,6 +1,8 @@
 //! KITTI's `.bin`, and the same bytes from CARLA's `ray_cast` lidar: x, y, z, intensity, float32, nothing else.
 
-use super::number::{Numbers, f32_column};
+use std::borrow::Cow;
+
+use super::number::f32_column;
 use super::{FormatError, Limits, input};
 use crate::PointCloud;
 
@@ -18,18 +20,19 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, Format
 }
 
 pub(super) fn encode(cloud: &PointCloud) -> Vec<u8> {
+    let intensity = scaled_intensity(cloud, 1.0);
+    let points = cloud.x.iter().zip(&cloud.y).zip(&cloud.z).zip(intensity.iter());
     let mut records = vec![0; cloud.len() * POINT_BYTES];
-    for (column, offset) in [(&cloud.x, 0), (&cloud.y, 4), (&cloud.z, 8)] {
-        Numbers::F32(column.into()).write(&mut records, POINT_BYTES, offset);
+    for (record, (((x, y), z), intensity)) in records.chunks_exact_mut(POINT_BYTES).zip(points) {
+        record.copy_from_slice([x, y, z, intensity].map(|value| value.to_le_bytes()).as_flattened());
     }
-    Numbers::F32(scaled_intensity(cloud, 1.0).into()).write(&mut records, POINT_BYTES, 12);
     records
 }
 
 /// The cloud's intensities with `full_scale` for a reflectance of 1; untouched where that is their scale already.
-pub(super) fn scaled_intensity(cloud: &PointCloud, full_scale: f32) -> Vec<f32> {
+pub(super) fn scaled_intensity(cloud: &PointCloud, full_scale: f32) -> Cow<'_, [f32]> {
     if cloud.full_scale == full_scale {
-        return cloud.intensity.clone();
+        return Cow::Borrowed(&cloud.intensity);
     }
     cloud.intensity.iter().map(|intensity| intensity / cloud.full_scale * full_scale).collect()
 }

@@ -38,7 +38,7 @@ pub(super) fn encode(cloud: &PointCloud) -> Vec<u8> {
     for (column, offset) in [(&cloud.x, 0), (&cloud.y, 4), (&cloud.z, 8)] {
         Numbers::F32(column.into()).write(&mut records, POINT_BYTES, offset);
     }
-    Numbers::F32(scaled_intensity(cloud, 255.0).into()).write(&mut records, POINT_BYTES, 12);
+    Numbers::F32(scaled_intensity(cloud, 255.0)).write(&mut records, POINT_BYTES, 12);
     let fifth = match (&cloud.ring, cloud.extra.iter().find(|column| column.name == FIFTH)) {
         (Some(ring), _) => ring.iter().map(|&ring| f32::from(ring)).collect(),
         (None, Some(Column { values: Values::F32(values), .. })) => values.clone(),
