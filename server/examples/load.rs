@@ -1,6 +1,6 @@
 //! More scans than the service can take: arrivals at a multiple of its capacity, whatever becomes of them, as a crowd of clients would.
 //!
-//!     cargo run --release -p server --example load -- [MODELS] [MODEL] [TIMES CAPACITY] [SECONDS] [QUEUE]
+//!     cargo run --release -p server --example load -- [MODELS] [MODEL] [TIMES CAPACITY] [SECONDS] [QUEUE] [WORKERS] [THREADS]
 //!
 //! Prints how long answers took before and under the load, how long refusals took, and what memory the process had (client included).
 
@@ -29,7 +29,11 @@ fn main() -> Result {
         models: PathBuf::from(argument(0, "models")),
         default_model: argument(1, "hdl64e"),
         addr: "127.0.0.1:0".parse()?,
-        workers: WorkerOptions { workers: 1, threads, queue: argument(4, "1").parse()? },
+        workers: WorkerOptions {
+            workers: argument(5, "1").parse()?,
+            threads: argument(6, &threads.to_string()).parse()?,
+            queue: argument(4, "1").parse()?,
+        },
         ..Config::default()
     })?;
     let url = format!("http://{}/v1/scan", server.addr());
@@ -86,7 +90,7 @@ fn main() -> Result {
     for (status, mut ms) in answers.into_inner()? {
         let n = ms.len();
         let (half, most) = quantiles(&mut ms);
-        println!("  {status}: {n}; p50 {half:.1} ms, p99 {most:.1} ms");
+        println!("  {status}: {n}, {:.1} a second; p50 {half:.1} ms, p99 {most:.1} ms", n as f64 / seconds);
     }
     println!(
         "memory: {before_mib:.0} MiB before, {:.0} at most, {:.0} after",
