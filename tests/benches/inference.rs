@@ -16,7 +16,7 @@ fn main() {
     divan::main();
 }
 
-#[divan::bench(args = ["hdl64e", "hdl32e"])]
+#[divan::bench(args = ["hdl64e", "hdl32e", "hdl64e-cls2r"])]
 fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
     let (mut session, rings, scan) = prepare(model).expect("the model runs");
     bencher.counter(divan::counter::ItemsCount::new(rings * COLUMNS)).bench_local(|| {
@@ -31,7 +31,7 @@ fn prepare(model: &str) -> Result<(Session, usize, Vec<f32>), Box<dyn std::error
     let environment = runtime::environment()?;
     let path = tests::models().join(model).join("1/model.onnx");
     let session = Session::builder(&environment)?.with_intra_threads(2)?.commit_from_file(path)?;
-    let sensor = Sensor::builtin(model)?.with_columns(COLUMNS)?;
+    let sensor = Sensor::builtin(model.trim_end_matches("-cls2r"))?.with_columns(COLUMNS)?;
     let image = cast(&street(3, &StreetConfig::default()), &sensor, &Pose::default(), &Motion::default()).image;
     let mut scan = vec![0.0; tensor::SCAN_CHANNELS * sensor.pixels()];
     image.write_tensor(&mut scan);

@@ -227,11 +227,11 @@ fn health_and_the_models_cards_are_there_to_be_read() -> Fact {
     let client = client.client();
     assert_eq!(client.get("/v2/health/live")?.status, 200);
     assert_eq!(client.get("/v2/health/ready")?.status, 200);
-    for name in ["hdl64e", "hdl32e"] {
+    for name in ["hdl64e", "hdl32e", "hdl64e-cls2r"] {
         assert_eq!(client.get(&format!("/v2/models/{name}"))?.json()?["name"], name);
     }
     assert_eq!(client.get("/v2/models/no-such")?.status, 404);
     let info = client.get("/info")?.json()?;
-    assert_eq!(info["models"].as_array().map(Vec::len), Some(2));
+    assert_eq!(info["models"].as_array().map(Vec::len), Some(3));
     Ok(())
 }
