@@ -95,6 +95,33 @@ impl ErrorCode {
         }
     }
 
+    /// The status of gRPC that goes with the code: its number and its name.
+    pub const fn grpc_status(self) -> (u8, &'static str) {
+        match self {
+            Self::BadQuery
+            | Self::BadHeader
+            | Self::BadBody
+            | Self::MalformedScan
+            | Self::MalformedTensors
+            | Self::NotAcceptable
+            | Self::UnsupportedMediaType
+            | Self::UnusableScan
+            | Self::UnusableTensors
+            | Self::UnencodableAnswer => (3, "INVALID_ARGUMENT"),
+            Self::BodyTooSlow | Self::DeadlineExceeded => (4, "DEADLINE_EXCEEDED"),
+            Self::ModelNotFound => (5, "NOT_FOUND"),
+            Self::BodyTooLarge | Self::TooManyPoints | Self::Overloaded | Self::TooManyBytes => {
+                (8, "RESOURCE_EXHAUSTED")
+            }
+            Self::ModelRefused => (9, "FAILED_PRECONDITION"),
+            Self::Superseded => (10, "ABORTED"),
+            Self::RouteNotFound | Self::MethodNotAllowed | Self::UnsupportedEncoding => (12, "UNIMPLEMENTED"),
+            Self::ModelFailed | Self::Internal => (13, "INTERNAL"),
+            Self::NotReady | Self::TooManyConnections => (14, "UNAVAILABLE"),
+            Self::Unauthorized => (16, "UNAUTHENTICATED"),
+        }
+    }
+
     /// The code's name, as in JSON.
     pub fn name(self) -> String {
         serde_json::to_value(self).ok().and_then(|name| Some(name.as_str()?.to_owned())).unwrap_or_default()

@@ -3,6 +3,7 @@
 
 pub mod card;
 pub mod error;
+pub mod grpc;
 pub mod media;
 pub mod open_inference;
 

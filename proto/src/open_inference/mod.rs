@@ -5,9 +5,11 @@
 
 mod answer;
 mod flat;
+mod messages;
 mod request;
 
 pub use answer::Answer;
+pub use messages::InferHead;
 pub use request::{InferRequest, RequestError};
 
 /// Header with the bytes of JSON at the beginning of a body; what follows are tensors, little-endian. 0: the body is one tensor and

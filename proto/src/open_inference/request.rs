@@ -53,6 +53,14 @@ pub enum RequestError {
         /// What is wrong with it.
         problem: String,
     },
+    /// Raw elements for other inputs than there are.
+    #[error("there are {inputs} inputs, but raw_input_contents has {raw}")]
+    RawContents {
+        /// Inputs.
+        inputs: usize,
+        /// Inputs whose elements there are.
+        raw: usize,
+    },
     /// Something of the protocol that Realbeam does not have.
     #[error("{0} is not supported")]
     Unsupported(&'static str),
@@ -116,7 +124,7 @@ impl InferRequest {
         }
         let binary_outputs = head.parameters.get("binary_data_output").and_then(Value::as_bool).unwrap_or_default();
         let outputs = head.outputs.map(|outputs| outputs.into_iter().map(|o| o.read(binary_outputs)).collect());
-        let parameters = head.parameters.into_iter().filter(|(name, _)| !IGNORED.contains(&name.as_str()));
+        let parameters = head.parameters.into_iter().filter(|(name, _)| is_models_matter(name));
         let mut rest = binary;
         Ok(Self {
             id: head.id,
@@ -131,32 +139,47 @@ impl InferRequest {
 impl Input {
     /// The tensor; its bytes, if it has any, are taken from the front of `rest`.
     fn read(self, rest: &mut &[u8]) -> Result<Tensor, RequestError> {
-        let name = self.name;
-        let fail = |problem: String| RequestError::Input { name: name.clone(), problem };
         if self.parameters.shared_memory_region.is_some() {
             return Err(RequestError::Unsupported("shared memory"));
         }
-        if self.datatype != DATATYPE {
-            return Err(fail(format!("datatype is `{}`, expected {DATATYPE}", self.datatype)));
-        }
         let values = match (self.data, self.parameters.binary_data_size) {
-            (Some(_), Some(_)) => return Err(fail("has both `data` and `binary_data_size`".into())),
-            (None, None) => return Err(fail("has neither `data` nor `binary_data_size`".into())),
-            (Some(Flat(values)), None) => values,
+            (Some(_), Some(_)) => Err("has both `data` and `binary_data_size`".into()),
+            (None, None) => Err("has neither `data` nor `binary_data_size`".into()),
+            (Some(Flat(values)), None) => Ok(values),
             (None, Some(size)) => {
                 let end = usize::try_from(size).ok().filter(|end| *end <= rest.len());
                 let (own, others) = rest.split_at(end.unwrap_or(rest.len()));
                 *rest = others;
-                float32(own).ok_or_else(|| fail(format!("{} bytes are no whole number of {DATATYPE}", own.len())))?
+                float32(own)
             }
         };
-        let lengths: Option<Vec<usize>> = self.shape.iter().map(|length| usize::try_from(*length).ok()).collect();
-        let elements = |lengths: &[usize]| lengths.iter().try_fold(1, |n: usize, length| n.checked_mul(*length));
-        match lengths {
-            Some(shape) if elements(&shape) == Some(values.len()) => Ok(Tensor { name, shape, values }),
-            _ => Err(fail(format!("shape is {:?}, but there are {} elements", self.shape, values.len()))),
-        }
+        tensor(self.name, &self.datatype, &self.shape, values)
     }
+}
+
+/// The tensor of an input, if its elements are there and are as many as its shape says.
+pub(super) fn tensor(
+    name: String,
+    datatype: &str,
+    shape: &[i64],
+    values: Result<Vec<f32>, String>,
+) -> Result<Tensor, RequestError> {
+    let fail = |name: &str, problem: String| RequestError::Input { name: name.into(), problem };
+    if datatype != DATATYPE {
+        return Err(fail(&name, format!("datatype is `{datatype}`, expected {DATATYPE}")));
+    }
+    let values = values.map_err(|problem| fail(&name, problem))?;
+    let lengths: Option<Vec<usize>> = shape.iter().map(|length| usize::try_from(*length).ok()).collect();
+    let elements = |lengths: &[usize]| lengths.iter().try_fold(1, |n: usize, length| n.checked_mul(*length));
+    match lengths {
+        Some(shape) if elements(&shape) == Some(values.len()) => Ok(Tensor { name, shape, values }),
+        _ => Err(fail(&name, format!("shape is {shape:?}, but there are {} elements", values.len()))),
+    }
+}
+
+/// False for parameters of the protocol that mean nothing here.
+pub(super) fn is_models_matter(parameter: &str) -> bool {
+    !IGNORED.contains(&parameter)
 }
 
 impl Output {
@@ -172,9 +195,12 @@ impl Output {
 }
 
 /// Numbers from their little-endian bytes.
-fn float32(bytes: &[u8]) -> Option<Vec<f32>> {
+pub(super) fn float32(bytes: &[u8]) -> Result<Vec<f32>, String> {
     let (numbers, rest) = bytes.as_chunks::<4>();
-    rest.is_empty().then(|| numbers.iter().map(|number| f32::from_le_bytes(*number)).collect())
+    if !rest.is_empty() {
+        return Err(format!("{} bytes are no whole number of {DATATYPE}", bytes.len()));
+    }
+    Ok(numbers.iter().map(|number| f32::from_le_bytes(*number)).collect())
 }
 
 #[cfg(test)]
