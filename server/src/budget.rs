@@ -3,36 +3,57 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use tokio::sync::Notify;
+
 /// Bytes that all requests share. What is taken comes back when its [`Share`] is dropped.
 #[derive(Debug)]
 pub(crate) struct Budget {
     limit: usize,
-    used: Arc<AtomicUsize>,
+    in_use: Arc<InUse>,
+}
+
+/// What is taken, and whoever waits for less of it.
+#[derive(Debug, Default)]
+struct InUse {
+    bytes: AtomicUsize,
+    changed: Notify,
 }
 
 /// One request's part of a [`Budget`].
 #[derive(Debug)]
 pub(crate) struct Share {
     bytes: usize,
-    used: Arc<AtomicUsize>,
+    in_use: Arc<InUse>,
 }
 
 impl Budget {
     /// A budget of `limit` bytes.
     pub(crate) fn new(limit: usize) -> Self {
-        Self { limit, used: Arc::default() }
+        Self { limit, in_use: Arc::default() }
     }
 
     /// A share of so many bytes, if they are left.
     pub(crate) fn take(&self, bytes: usize) -> Option<Share> {
         let fits = |used: usize| used.checked_add(bytes).filter(|sum| *sum <= self.limit);
-        self.used.fetch_update(Ordering::AcqRel, Ordering::Acquire, fits).ok()?;
-        Some(Share { bytes, used: Arc::clone(&self.used) })
+        self.in_use.bytes.fetch_update(Ordering::AcqRel, Ordering::Acquire, fits).ok()?;
+        Some(Share { bytes, in_use: Arc::clone(&self.in_use) })
+    }
+
+    /// A share of so many bytes, once they are left: never if that is more than the whole budget.
+    pub(crate) async fn wait_for(&self, bytes: usize) -> Share {
+        loop {
+            // It hears of every change from here on.
+            let changed = self.in_use.changed.notified();
+            if let Some(share) = self.take(bytes) {
+                return share;
+            }
+            changed.await;
+        }
     }
 
     /// Bytes in use.
     pub(crate) fn used(&self) -> usize {
-        self.used.load(Ordering::Acquire)
+        self.in_use.bytes.load(Ordering::Acquire)
     }
 }
 
@@ -40,15 +61,17 @@ impl Share {
     /// Counts so many bytes from here on, even beyond the budget: an answer that is there already is not thrown away, but nobody new gets
     /// in until it has left.
     pub(crate) fn resize(&mut self, bytes: usize) {
-        self.used.fetch_add(bytes, Ordering::AcqRel);
-        self.used.fetch_sub(self.bytes, Ordering::AcqRel);
+        self.in_use.bytes.fetch_add(bytes, Ordering::AcqRel);
+        self.in_use.bytes.fetch_sub(self.bytes, Ordering::AcqRel);
         self.bytes = bytes;
+        self.in_use.changed.notify_waiters();
     }
 }
 
 impl Drop for Share {
     fn drop(&mut self) {
-        self.used.fetch_sub(self.bytes, Ordering::AcqRel);
+        self.in_use.bytes.fetch_sub(self.bytes, Ordering::AcqRel);
+        self.in_use.changed.notify_waiters();
     }
 }
 
@@ -71,6 +94,18 @@ mod tests {
         assert!(budget.take(0).is_none(), "an answer beyond the budget keeps others out");
         drop(second);
         assert_eq!(budget.used(), 0);
+    }
+
+    #[tokio::test]
+    async fn who_waits_gets_a_share_once_it_is_left() {
+        let budget = Budget::new(10);
+        let first = budget.take(6);
+        let leave = async {
+            tokio::task::yield_now().await;
+            drop(first);
+        };
+        let (second, ()) = tokio::join!(budget.wait_for(5), leave);
+        assert_eq!(second.bytes, 5);
     }
 
     #[test]

@@ -51,7 +51,11 @@ impl Metrics {
             loads: Loads::default(),
             registry: Registry::default(),
         };
-        registry.register("requests", "Requests answered, by route and HTTP status", metrics.requests.clone());
+        registry.register(
+            "requests",
+            "Requests answered, by route and status of HTTP or gRPC",
+            metrics.requests.clone(),
+        );
         let help = "Time from a request's head to its answer's, by route";
         registry.register_with_unit("request_duration", help, Unit::Seconds, metrics.request_seconds.clone());
         let help = "Time of each stage of a scan's way";
@@ -68,8 +72,8 @@ impl Metrics {
     }
 
     /// Counts an answer.
-    pub(crate) fn answered(&self, route: &str, status: u16, time: Duration) {
-        self.requests.get_or_create(&[("route", route.into()), ("code", status.to_string())]).inc();
+    pub(crate) fn answered(&self, route: &str, status: &str, time: Duration) {
+        self.requests.get_or_create(&[("route", route.into()), ("code", status.into())]).inc();
         self.request_seconds.get_or_create(&[("route", route.into())]).observe(time.as_secs_f64());
     }
 

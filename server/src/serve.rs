@@ -82,7 +82,7 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let admin_listener = config.admin.as_ref().map(|admin| bind(&runtime, admin.addr)).transpose()?;
     let admin_addr = admin_listener.as_ref().map(|(_, addr)| *addr);
 
-    let app = Arc::new(App::new(catalogue, metrics, config.requests));
+    let app = Arc::new(App::new(catalogue, metrics, config, end.clone()));
     let guests = |router| Guests { router, limits: config.connections, refused: app.metrics.refused_connections() };
     let serving = listen(listener, guests(http::router(Arc::clone(&app), config.page)), end.clone());
     let admin = admin_listener.zip(config.admin.clone()).map(|((listener, _), admin)| {

@@ -7,7 +7,6 @@ use std::time::Duration;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::http::{HeaderMap, header};
 use proto::ErrorCode;
-use tokio::time::Instant;
 
 use super::App;
 use super::error::ApiError;
@@ -36,22 +35,26 @@ pub(super) fn admit(app: &App, headers: &HeaderMap, offer: &Offer) -> Result<Adm
         return Err(ApiError::new(ErrorCode::Overloaded, "too many scans wait already; try again later"));
     }
     let announced = announced.map(|bytes| bytes as usize);
-    let share = app.budget.take(announced.unwrap_or(limit)).ok_or_else(|| {
+    let share = share(app, announced.unwrap_or(limit))?;
+    Ok(Admitted { announced, share })
+}
+
+/// A share of the memory for so many bytes, if it is free.
+pub(super) fn share(app: &App, bytes: usize) -> Result<Share, ApiError> {
+    app.budget.take(bytes).ok_or_else(|| {
         let message = format!("bodies of {} bytes are under way already; try again later", app.budget.used());
         ApiError::new(ErrorCode::TooManyBytes, message)
-    })?;
-    Ok(Admitted { announced, share })
+    })
 }
 
 impl Admitted {
     /// Reads the body within its limits of bytes and time.
     pub(super) async fn read(self, app: &App, terms: &Terms, mut body: Body) -> Result<(Bytes, Share), ApiError> {
-        let (limit, time) = (app.limits.max_body_bytes, app.limits.body_time);
-        let slow = tokio::time::sleep_until(Instant::now() + time);
+        let limit = app.limits.max_body_bytes;
         let mut bytes = Vec::with_capacity(self.announced.unwrap_or_default());
         let reading = async {
             while let Some(data) = next(&mut body).await {
-                let data = data.map_err(|_| ApiError::new(ErrorCode::BadBody, "the body did not arrive in full"))?;
+                let data = data.map_err(|_| cut_short())?;
                 if data.len() > limit - bytes.len() {
                     return Err(too_large(limit));
                 }
@@ -59,26 +62,39 @@ impl Admitted {
             }
             Ok(())
         };
-        let read = tokio::select! {
-            read = reading => read,
-            () = slow => {
-                let message = format!("the body did not arrive within {} s", time.as_secs_f64());
-                // What is left of it would come too late as well.
-                return Err(ApiError::new(ErrorCode::BodyTooSlow, message));
-            }
-            () = terms::until(terms.deadline) => return Err(terms::too_late()),
-        };
-        match read {
+        match in_time(app.limits.body_time, terms, reading).await {
             Ok(()) => {
                 let mut share = self.share;
                 share.resize(bytes.len());
                 Ok((bytes.into(), share))
             }
             Err(error) => {
-                discard(body).await;
+                discard_after(&error, body).await;
                 Err(error)
             }
         }
+    }
+}
+
+/// Reads, but not for longer than `time`, nor beyond the deadline.
+pub(super) async fn in_time<T>(
+    time: Duration,
+    terms: &Terms,
+    reading: impl Future<Output = Result<T, ApiError>>,
+) -> Result<T, ApiError> {
+    tokio::select! {
+        read = reading => read,
+        () = tokio::time::sleep(time) => {
+            Err(ApiError::new(ErrorCode::BodyTooSlow, format!("the body did not arrive within {} s", time.as_secs_f64())))
+        }
+        () = terms::until(terms.deadline) => Err(terms::too_late()),
+    }
+}
+
+/// As [`discard`], unless the rest of the body would come too late as well.
+pub(super) async fn discard_after(error: &ApiError, body: Body) {
+    if !matches!(error.code, ErrorCode::BodyTooSlow | ErrorCode::DeadlineExceeded) {
+        discard(body).await;
     }
 }
 
@@ -90,12 +106,17 @@ pub(super) async fn discard(mut body: Body) {
     let _ = tokio::time::timeout(DISCARD, rest).await;
 }
 
-fn too_large(limit: usize) -> ApiError {
+pub(super) fn too_large(limit: usize) -> ApiError {
     ApiError::new(ErrorCode::BodyTooLarge, format!("the body has more than {limit} bytes"))
 }
 
+/// The answer to a body that ended too early.
+pub(super) fn cut_short() -> ApiError {
+    ApiError::new(ErrorCode::BadBody, "the body did not arrive in full")
+}
+
 /// The next piece of a body; `None` at its end.
-async fn next(body: &mut Body) -> Option<Result<Bytes, axum::Error>> {
+pub(super) async fn next(body: &mut Body) -> Option<Result<Bytes, axum::Error>> {
     loop {
         match poll_fn(|context| Pin::new(&mut *body).poll_frame(context)).await? {
             Ok(frame) => {

@@ -1,4 +1,5 @@
-//! What every answer gets: a request id, a line in the log, its place in the metrics, and, if it is an error, its JSON body.
+//! What every answer gets: a request id, a line in the log, its place in the metrics, and, if it is an error, its JSON body or its
+//! status of gRPC.
 
 use std::hash::{BuildHasher, RandomState};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,8 +13,8 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use proto::{ErrorBody, ErrorCode};
 
-use super::App;
 use super::error::ApiError;
+use super::{App, grpc};
 
 /// Header of a request's id, in both directions.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -33,19 +34,20 @@ pub(crate) async fn envelope(State(app): State<Arc<App>>, mut request: Request, 
     // Routes are few; what is asked for besides may be anything.
     let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
     request.extensions_mut().insert(RequestId(id.clone()));
+    let is_grpc = grpc::is_asked_for(request.headers());
     let mut response = next.run(request).await;
-    if let Some(error) = response.extensions_mut().remove::<ApiError>() {
-        if error.code.is_rejection() {
-            app.metrics.rejected(error.code.name());
-        }
-        response = with_body(&response, &error, &id);
+    let error = response.extensions_mut().remove::<ApiError>();
+    if let Some(error) = &error {
+        app.failed(error, &id);
+        response = if is_grpc { grpc::refusal(error) } else { with_body(&response, error, &id) };
     }
     // An id is made of visible ASCII.
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, value);
     }
-    let (status, elapsed) = (response.status().as_u16(), started.elapsed());
-    app.metrics.answered(&route, status, elapsed);
+    let status = if is_grpc { grpc::status(error.as_ref()).1.into() } else { response.status().as_u16().to_string() };
+    let elapsed = started.elapsed();
+    app.metrics.answered(&route, &status, elapsed);
     let elapsed_ms = (elapsed.as_secs_f64() * 1e6).round() / 1e3;
     tracing::info!(request_id = id, %method, path, status, elapsed_ms, "answered");
     response
@@ -53,9 +55,6 @@ pub(crate) async fn envelope(State(app): State<Arc<App>>, mut request: Request, 
 
 /// The error's JSON, with the headers that the answer has already (`Allow`).
 fn with_body(bare: &Response, error: &ApiError, request_id: &str) -> Response {
-    if let Some(detail) = &error.detail {
-        tracing::error!(request_id, detail, "failed");
-    }
     let body = ErrorBody { error: error.message.clone(), code: error.code, request_id: request_id.into() };
     let mut response = (bare.status(), Json(body)).into_response();
     if let Some(allow) = bare.headers().get(header::ALLOW) {

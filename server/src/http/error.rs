@@ -4,6 +4,7 @@ use axum::response::{IntoResponse, Response};
 use lidar::formats::FormatError;
 use lidar::projection::ProjectionError;
 use proto::ErrorCode;
+use proto::grpc::MessageError;
 use proto::open_inference::RequestError;
 
 use crate::catalogue::CatalogueError;
@@ -73,6 +74,12 @@ fn decode_code(error: &FormatError) -> ErrorCode {
             ErrorCode::UnusableScan
         }
         _ => ErrorCode::MalformedScan,
+    }
+}
+
+impl From<MessageError> for ApiError {
+    fn from(error: MessageError) -> Self {
+        Self::new(ErrorCode::MalformedTensors, error.to_string())
     }
 }
 

@@ -1,4 +1,4 @@
-//! The HTTP face: routes, and what all of them share.
+//! The HTTP face, and gRPC on it: routes, and what all of them share.
 
 pub(crate) mod admin;
 mod answer;
@@ -6,6 +6,7 @@ mod body;
 mod docs;
 mod envelope;
 mod error;
+mod grpc;
 mod info;
 mod metrics;
 mod open_inference;
@@ -20,6 +21,7 @@ mod work;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
@@ -27,11 +29,12 @@ use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use proto::ErrorCode;
+use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::budget::Budget;
 use crate::catalogue::Catalogue;
-use crate::config::RequestLimits;
+use crate::config::{Config, RequestLimits};
 use crate::metrics::Metrics;
 use crate::streams::Streams;
 use error::ApiError;
@@ -46,17 +49,41 @@ pub(crate) struct App {
     /// Streams of which only the latest scan counts.
     pub(crate) streams: Arc<Streams>,
     pub(crate) metrics: Metrics,
+    /// Time that a stream of scans may be without one.
+    pub(crate) idle_time: Duration,
+    /// Cancelled when nothing more is taken.
+    pub(crate) end: CancellationToken,
     draining: AtomicBool,
 }
 
 impl App {
-    pub(crate) fn new(catalogue: Arc<Catalogue>, metrics: Metrics, limits: RequestLimits) -> Self {
+    pub(crate) fn new(catalogue: Arc<Catalogue>, metrics: Metrics, config: &Config, end: CancellationToken) -> Self {
+        let (limits, idle_time) = (config.requests, config.connections.idle_time);
         let budget = Budget::new(limits.max_inflight_bytes);
-        Self { catalogue, limits, budget, streams: Arc::default(), metrics, draining: AtomicBool::new(false) }
+        Self {
+            catalogue,
+            limits,
+            budget,
+            streams: Arc::default(),
+            metrics,
+            idle_time,
+            end,
+            draining: AtomicBool::new(false),
+        }
     }
 
     pub(crate) fn is_ready(&self) -> bool {
         !self.draining.load(Ordering::Relaxed)
+    }
+
+    /// Writes down what is wrong with an answer, beside what the client is told.
+    pub(crate) fn failed(&self, error: &ApiError, request_id: &str) {
+        if error.code.is_rejection() {
+            self.metrics.rejected(error.code.name());
+        }
+        if let Some(detail) = &error.detail {
+            tracing::error!(request_id, detail, "failed");
+        }
     }
 
     /// The service has been told to stop.
@@ -74,6 +101,7 @@ pub(crate) fn router(app: Arc<App>, with_page: bool) -> Router {
         .route("/api-doc/openapi.json", get(openapi::openapi))
         .route("/docs", get(docs::docs))
         .merge(open_inference::router())
+        .merge(grpc::router())
         .fallback(no_such_route)
         .method_not_allowed_fallback(other_method)
         .with_state(Arc::clone(&app))

@@ -14,12 +14,8 @@ const NAME: &str = "x-ring-counts";
 /// `get_point_count(channel)` for channel 0, 1, … (its channel 0 looks highest). `None` without the header.
 pub(super) fn read(headers: &HeaderMap, offer: &Offer) -> Result<Option<Vec<u32>>, ApiError> {
     let Some(text) = terms::text(headers, NAME)? else { return Ok(None) };
-    let (found, rings) = (text.split(',').count(), offer.model.card.sensor.rings().len());
     // Before anything is kept of it.
-    if found != rings {
-        let message = format!("header {NAME}: {}", ProjectionError::OtherRings { found, rings });
-        return Err(ApiError::new(ErrorCode::UnusableScan, message));
-    }
+    check(&format!("header {NAME}"), text.split(',').count(), offer)?;
     let count = |(place, text): (usize, &str)| {
         let wrong = || {
             let shown: String = text.chars().take(80).collect();
@@ -29,4 +25,13 @@ pub(super) fn read(headers: &HeaderMap, offer: &Offer) -> Result<Option<Vec<u32>
         text.trim().parse().map_err(|_| wrong())
     };
     text.split(',').enumerate().map(count).collect::<Result<_, _>>().map(Some)
+}
+
+/// Refuses other numbers of rings than the model's, as `name` gives them.
+pub(super) fn check(name: &str, found: usize, offer: &Offer) -> Result<(), ApiError> {
+    let rings = offer.model.card.sensor.rings().len();
+    if found == rings {
+        return Ok(());
+    }
+    Err(ApiError::new(ErrorCode::UnusableScan, format!("{name}: {}", ProjectionError::OtherRings { found, rings })))
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use axum::body::Bytes;
 use axum::extract::{Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
@@ -16,10 +17,9 @@ use super::terms::Terms;
 use super::{App, answer, body, ring_counts};
 use crate::catalogue::Offer;
 use crate::generator::Chance;
-use crate::pipeline::{Pipeline, ScanJob};
-use crate::worker::Caller;
+use crate::pipeline::ScanJob;
 
-/// What the head of a request asks for.
+/// What is asked for, but for the scan itself.
 pub(crate) struct Wish {
     pub(crate) query: ScanQuery,
     pub(crate) terms: Terms,
@@ -41,7 +41,7 @@ pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Resul
         let admitted = body::admit(&app, &head.headers, &wish.offer)?;
         Ok((wish, admitted))
     });
-    let (mut wish, admitted) = match admitted {
+    let (wish, admitted) = match admitted {
         Ok(admitted) => admitted,
         Err(error) => {
             body::discard(body).await;
@@ -49,20 +49,7 @@ pub(crate) async fn scan(State(app): State<Arc<App>>, request: Request) -> Resul
         }
     };
     let (bytes, share) = admitted.read(&app, &wish.terms, body).await?;
-    let job = ScanJob {
-        bytes,
-        format: wish.content.format,
-        answer: wish.accepted.form,
-        frame: wish.query.frame.unwrap_or(wish.content.frame),
-        ring_counts: wish.ring_counts.take(),
-        chance: Chance { seed: wish.seed, noise: wish.query.noise },
-        limits: Limits {
-            max_points: app.limits.max_points,
-            carla_tags: wish.query.tags.unwrap_or(CarlaTags::Since0914),
-        },
-    };
-    let work = move |pipeline: &mut Pipeline, caller: Caller<'_>| Ok(pipeline.run(&job, caller)?);
-    let answer = app.work(&wish.offer, &wish.terms, work).await?;
+    let answer = app.scan(&wish, wish.terms.enter(&app.streams), bytes).await?;
     Ok(answer::response(answer, share, &wish))
 }
 
@@ -75,6 +62,19 @@ impl Wish {
         let offer = app.catalogue.find(query.model.as_deref(), query.version, key)?;
         let ring_counts = ring_counts::read(&head.headers, &offer)?;
         Ok(Self { query, terms, seed, content, accepted, ring_counts, offer })
+    }
+
+    /// What a pipeline has to do with the scan.
+    pub(super) fn job(&self, bytes: Bytes, max_points: usize) -> ScanJob {
+        ScanJob {
+            bytes,
+            format: self.content.format,
+            answer: self.accepted.form,
+            frame: self.query.frame.unwrap_or(self.content.frame),
+            ring_counts: self.ring_counts.clone(),
+            chance: Chance { seed: self.seed, noise: self.query.noise },
+            limits: Limits { max_points, carla_tags: self.query.tags.unwrap_or(CarlaTags::Since0914) },
+        }
     }
 }
 
@@ -90,16 +90,21 @@ fn media_types(headers: &HeaderMap) -> Result<(MediaType, AnswerType), ApiError>
         let message = format!("content encoding `{encoding}` is not known; send the bytes as they are");
         return Err(ApiError::new(ErrorCode::UnsupportedEncoding, message));
     }
-    let content = MediaType::of_content(text(header::CONTENT_TYPE, ErrorCode::UnsupportedMediaType)?)
-        .map_err(|error| ApiError::new(ErrorCode::UnsupportedMediaType, error.to_string()))?;
+    let content = text(header::CONTENT_TYPE, ErrorCode::UnsupportedMediaType)?;
     // `Accept` may come in several lines, which mean the same as one with commas.
     let mut accept = Vec::new();
     for line in headers.get_all(header::ACCEPT) {
         let plain = line.to_str();
         accept.push(plain.map_err(|_| ApiError::new(ErrorCode::NotAcceptable, "header accept is not plain ASCII"))?);
     }
-    let accepted = content
-        .negotiate(Some(&accept.join(",")))
-        .map_err(|error| ApiError::new(ErrorCode::NotAcceptable, error.to_string()))?;
+    negotiated(content, &accept.join(","))
+}
+
+/// Type of a scan, and of its answer, by the words of the headers.
+pub(super) fn negotiated(content: Option<&str>, accept: &str) -> Result<(MediaType, AnswerType), ApiError> {
+    let content = MediaType::of_content(content)
+        .map_err(|error| ApiError::new(ErrorCode::UnsupportedMediaType, error.to_string()))?;
+    let accepted =
+        content.negotiate(Some(accept)).map_err(|error| ApiError::new(ErrorCode::NotAcceptable, error.to_string()))?;
     Ok((content, accepted))
 }

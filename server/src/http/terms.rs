@@ -25,6 +25,7 @@ const MAX_DEADLINE_MS: u64 = 3_600_000;
 /// | header | meaning |
 /// |---|---|
 /// | `x-deadline-ms` | milliseconds after which nobody needs the answer any more; it is then 504 |
+/// | `grpc-timeout` | the same in the words of gRPC: digits and a unit, `250m`; the earlier of the two counts |
 /// | `x-stream-id` | the stream that the scan belongs to |
 /// | `x-stream-mode` | `every` scan of the stream is answered, or only the `latest`: one that waits is given up for a newer one |
 /// | `x-seed` | as `?seed=` |
@@ -42,10 +43,12 @@ impl Terms {
         let wrong = |name: &str, found: &dyn Display, expected: &str| {
             ApiError::new(ErrorCode::BadHeader, format!("header {name} is `{found}`, expected {expected}"))
         };
-        let deadline_ms: Option<u64> = number(headers, "x-deadline-ms")?;
-        if let Some(ms) = deadline_ms.filter(|ms| !(1..=MAX_DEADLINE_MS).contains(ms)) {
-            return Err(wrong("x-deadline-ms", &ms, &format!("1 to {MAX_DEADLINE_MS}")));
-        }
+        let own = number(headers, "x-deadline-ms")?.map(|ms| deadline("header x-deadline-ms", ms)).transpose()?;
+        let timeout = text(headers, "grpc-timeout")?.map(|text| {
+            grpc_timeout(text).ok_or_else(|| wrong("grpc-timeout", &text, "1 to 8 digits and H, M, S, m, u or n"))
+        });
+        // One that lies beyond all time is none.
+        let timeout = timeout.transpose()?.and_then(|time| Instant::now().checked_add(time));
         let stream = text(headers, "x-stream-id")?;
         let plain = |id: &&str| !id.is_empty() && id.len() <= MAX_ID_LENGTH && id.bytes().all(|b| b.is_ascii_graphic());
         if let Some(id) = stream.filter(|id| !plain(id)) {
@@ -59,7 +62,7 @@ impl Terms {
             Some(other) => return Err(wrong("x-stream-mode", &other, "every or latest")),
         };
         Ok(Self {
-            deadline: deadline_ms.map(|ms| Instant::now() + Duration::from_millis(ms)),
+            deadline: own.into_iter().chain(timeout).min(),
             stream: stream.map(Into::into),
             latest_only,
             seed: number(headers, "x-seed")?,
@@ -119,6 +122,31 @@ impl Terms {
     }
 }
 
+/// The deadline in so many milliseconds, as `name` asks for it.
+pub(super) fn deadline(name: &str, ms: u64) -> Result<Instant, ApiError> {
+    if !(1..=MAX_DEADLINE_MS).contains(&ms) {
+        let message = format!("{name} is `{ms}`, expected 1 to {MAX_DEADLINE_MS}");
+        return Err(ApiError::new(ErrorCode::BadHeader, message));
+    }
+    Ok(Instant::now() + Duration::from_millis(ms))
+}
+
+/// A time as gRPC's protocol over HTTP/2 writes it.
+fn grpc_timeout(text: &str) -> Option<Duration> {
+    let (digits, unit) = text.split_at_checked(text.len().checked_sub(1)?)?;
+    let is_number = (1..=8).contains(&digits.len()) && digits.bytes().all(|digit| digit.is_ascii_digit());
+    let number = if is_number { digits.parse().ok()? } else { return None };
+    match unit {
+        "H" => Some(Duration::from_secs(number * 3600)),
+        "M" => Some(Duration::from_secs(number * 60)),
+        "S" => Some(Duration::from_secs(number)),
+        "m" => Some(Duration::from_millis(number)),
+        "u" => Some(Duration::from_micros(number)),
+        "n" => Some(Duration::from_nanos(number)),
+        _ => None,
+    }
+}
+
 /// Completes at the deadline, or never.
 pub(super) async fn until(deadline: Option<Instant>) {
     match deadline {
@@ -129,7 +157,7 @@ pub(super) async fn until(deadline: Option<Instant>) {
 
 /// The answer to a request whose deadline has passed.
 pub(super) fn too_late() -> ApiError {
-    ApiError::new(ErrorCode::DeadlineExceeded, "the deadline of x-deadline-ms has passed")
+    ApiError::new(ErrorCode::DeadlineExceeded, "the request's deadline has passed")
 }
 
 /// A header that may come once.
@@ -173,6 +201,15 @@ mod tests {
         assert_eq!((terms.stream.as_deref(), terms.latest_only, terms.seed), (Some("ego"), true, Some(7)));
         assert_eq!(problem("x-seed", "-1"), "header x-seed is `-1`, expected a whole number");
         assert_eq!(problem("x-deadline-ms", "0"), "header x-deadline-ms is `0`, expected 1 to 3600000");
+        assert_eq!(
+            problem("grpc-timeout", "1.5S"),
+            "header grpc-timeout is `1.5S`, expected 1 to 8 digits and H, M, S, m, u or n"
+        );
+        assert_eq!(
+            ["99999999H", "1n", "", "S", "123456789S"].map(|text| grpc_timeout(text).is_some()),
+            [true, true, false, false, false]
+        );
+        assert_eq!(grpc_timeout("250m"), Some(Duration::from_millis(250)));
         assert_eq!(problem("x-stream-id", "a b"), "header x-stream-id is `a b`, expected 1 to 128 visible characters");
         assert_eq!(
             problem("x-stream-mode", "latest"),

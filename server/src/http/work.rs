@@ -2,12 +2,16 @@
 
 use std::time::Instant;
 
+use axum::body::Bytes;
+
 use super::App;
 use super::error::ApiError;
+use super::scan::Wish;
 use super::terms::Terms;
 use crate::catalogue::Offer;
 use crate::pipeline::{Fit, Pipeline, ScanAnswer};
 use crate::stopwatch::{Stage, StageTimes};
+use crate::streams::{Place, Superseded};
 use crate::worker::Caller;
 
 /// What work gives.
@@ -20,15 +24,27 @@ pub(crate) trait Output: Send + 'static {
 }
 
 impl App {
-    /// Has a model's workers do something, on the terms of a request, and books it.
+    /// Has a model's workers make a scan realistic.
+    pub(crate) async fn scan(
+        &self,
+        wish: &Wish,
+        entered: (Option<Place>, Option<Superseded>),
+        bytes: Bytes,
+    ) -> Result<ScanAnswer, ApiError> {
+        let job = wish.job(bytes, self.limits.max_points);
+        let work = move |pipeline: &mut Pipeline, caller: Caller<'_>| Ok(pipeline.run(&job, caller)?);
+        self.work(&wish.offer, &wish.terms, entered, work).await
+    }
+
+    /// Has a model's workers do something, on the terms of a request that has [entered](Terms::enter) its stream, and books it.
     pub(crate) async fn work<O: Output>(
         &self,
         offer: &Offer,
         terms: &Terms,
+        (place, superseded): (Option<Place>, Option<Superseded>),
         work: impl FnOnce(&mut Pipeline, Caller<'_>) -> Result<O, ApiError> + Send + 'static,
     ) -> Result<O, ApiError> {
         let started = Instant::now();
-        let (place, superseded) = terms.enter(&self.streams);
         let running = async {
             let pool = self.catalogue.pool(offer).await?;
             let begin = move |pipeline: &mut Pipeline, caller: Caller<'_>| {

@@ -5,6 +5,7 @@
 //! | a generator | `scan`, and `noise` where it has that | `range`, `reflectance`, `keep`; all `[batch, channel, ring, column]` |
 //! | `scan` | `POINTS` `[-1, 4]`: x, y, z in m, intensity 0–1 | `POINTS` `[-1, 4]` |
 
+mod ask;
 mod describe;
 mod infer;
 mod named;
@@ -16,6 +17,9 @@ use axum::Router;
 use axum::routing::{get, post};
 
 use super::App;
+pub(super) use ask::{Ask, Given};
+pub(super) use describe::{Metadata, SERVER, is_ready};
+pub(super) use named::InPath;
 
 /// The protocol's routes.
 pub(super) fn router() -> Router<Arc<App>> {
