@@ -5,7 +5,7 @@
 # fail.
 set -euo pipefail
 dir=$1
-wanted="onnx==1.23.2 tritonclient[http]==2.73.0"
+wanted="onnx==1.23.2 tritonclient[http,grpc]==2.73.0"
 if [ "$(cat "$dir/wanted" 2>/dev/null)" = "$wanted" ]; then exit 0; fi
 if ! python3 -m venv "$dir" 2>/dev/null || ! "$dir/bin/python" -m pip install --quiet $wanted; then
   echo "scripts/python-env.sh: no Python environment with $wanted; the tests that need it will be skipped" >&2

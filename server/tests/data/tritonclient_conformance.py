@@ -1,4 +1,4 @@
-"""Asks a running service everything that the unmodified tritonclient[http] can: tritonclient_conformance.py HOST:PORT SCAN.bin
+"""Asks a running service everything that the unmodified tritonclient[http] can, and the same over gRPC: tritonclient_conformance.py HOST:PORT SCAN.bin
 
 Uses the tests' models: `passthrough` gives range + 0.01 m * noise, 0.8 * reflectance, keep = min(1, 0.9 + 0.1 * class).
 """
@@ -6,6 +6,7 @@ Uses the tests' models: `passthrough` gives range + 0.01 m * noise, 0.8 * reflec
 import sys
 
 import numpy as np
+import tritonclient.grpc
 import tritonclient.http as triton
 from tritonclient.utils import InferenceServerException
 
@@ -115,4 +116,49 @@ success = stats["inference_stats"]["success"]
 assert success["count"] == 14 and success["ns"] > 0, stats
 assert stats["inference_stats"]["fail"]["count"] == 6, stats
 assert len(client.get_inference_statistics()["model_stats"]) == 5
+
+# The same over gRPC, which has the same listener.
+client = tritonclient.grpc.InferenceServerClient(sys.argv[1])
+
+
+def message(name, values):
+    given = tritonclient.grpc.InferInput(name, list(values.shape), "FP32")
+    given.set_data_from_numpy(values)
+    return given
+
+
+assert client.is_server_live() and client.is_server_ready()
+assert client.get_server_metadata().name == "realbeam-server"
+for model in ("passthrough", "scan"):
+    assert client.is_model_ready(model) and client.is_model_ready(model, "2")
+    assert not client.is_model_ready(model, "99")
+    assert client.get_model_metadata(model, "2").versions == ["1", "2"]
+assert not client.is_model_ready("no-such-model")
+assert client.get_model_metadata("passthrough", as_json=True)["inputs"] == [
+    {"name": "scan", "datatype": "FP32", "shape": ["-1", "3", "16", "-1"]},
+    {"name": "noise", "datatype": "FP32", "shape": ["-1", "1", "16", "-1"]},
+]
+refused("no model `no-such-model`", lambda: client.get_model_metadata("no-such-model"))
+given = [message("noise", noise), message("scan", scan)]
+wanted = [tritonclient.grpc.InferRequestedOutput(name) for name in ("keep", "range")]
+answer = client.infer("passthrough", given, outputs=wanted, request_id="frame-17", client_timeout=60)
+head = answer.get_response()
+assert (head.model_name, head.model_version, head.id) == ("passthrough", "2", "frame-17"), head
+assert [output.name for output in head.outputs] == ["keep", "range"]
+for name in ("keep", "range"):
+    np.testing.assert_allclose(answer.as_numpy(name), expected[name], rtol=2e-7, atol=4e-6)
+refused("inputs are `scan [2, 3, 16, 64]`", lambda: client.infer("passthrough", [message("scan", scan)]))
+refused("no output `depth`", lambda: client.infer("passthrough", given, outputs=[tritonclient.grpc.InferRequestedOutput("depth")]))
+ways = (
+    client.infer("scan", [message("POINTS", points)], parameters={"seed": 7}),
+    client.infer("scan", [message("POINTS", points)], headers={"x-seed": "7"}),
+    client.infer("scan", [message("POINTS", points)], "2", parameters={"seed": "7", "model": "passthrough"}),
+)
+for answer in ways:
+    np.testing.assert_array_equal(answer.as_numpy("POINTS"), alone)
+parameters = ways[0].get_response().parameters
+assert (parameters["model"].string_param, parameters["seed"].int64_param) == ("passthrough", 7), parameters
+refused("`sed` is unknown", lambda: client.infer("scan", [message("POINTS", points)], parameters={"sed": 7}))
+refused("compressed messages are not taken", lambda: client.infer("scan", [message("POINTS", points)], compression_algorithm="gzip"))
+client.close()
 print("conforms")

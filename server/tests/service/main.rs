@@ -1,4 +1,4 @@
-//! The service as its users meet it: over HTTP, on files, from the command line. Needs ONNX Runtime (scripts/fetch-onnxruntime.sh).
+//! The service as its users meet it: over HTTP and gRPC, on files, from the command line. Needs ONNX Runtime (scripts/fetch-onnxruntime.sh).
 
 mod added;
 mod answers;
@@ -7,6 +7,7 @@ mod conversion;
 mod docs;
 mod errors;
 mod formats;
+mod grpc;
 mod load;
 mod metrics;
 mod models;

@@ -10,11 +10,11 @@ use crate::support::{Result, Service, bin, data};
 #[test]
 fn the_unmodified_tritonclient_gets_everything_that_it_can_ask_for() -> Result {
     let python = std::env::var("REALBEAM_PYTHON").unwrap_or_else(|_| "python3".into());
-    let import = Command::new(&python).args(["-c", "import tritonclient.http"]).output();
+    let import = Command::new(&python).args(["-c", "import tritonclient.http, tritonclient.grpc"]).output();
     if !import.as_ref().is_ok_and(|output| output.status.success()) {
-        assert!(std::env::var("CI").as_deref() != Ok("true"), "{python} cannot import tritonclient.http: {import:?}");
+        assert!(std::env::var("CI").as_deref() != Ok("true"), "{python} cannot import tritonclient: {import:?}");
         eprintln!(
-            "skipped: {python} cannot import tritonclient.http; set REALBEAM_PYTHON or pip install 'tritonclient[http]'"
+            "skipped: {python} cannot import tritonclient; set REALBEAM_PYTHON or pip install 'tritonclient[http,grpc]'"
         );
         return Ok(());
     }
