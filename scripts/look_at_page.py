@@ -1,5 +1,6 @@
 """Looks at the service's page in a headless Chromium, as its users do: uploads the sample street, waits for the result, and asserts that the
-cloud and both range images are drawn, that divider, colours, seeds and download work, and that the console has no error.
+cloud and both range images are drawn, that divider, colours, seeds and download work, and that the console has no error. The wide page is that
+of a service with a token, which it asks for.
 
     python scripts/look_at_page.py SERVER [FOLDER]
 
@@ -13,10 +14,12 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 WIDTHS = {"wide": (1280, 800), "narrow": (390, 844)}
 WAIT_MS = 120_000
+TOKEN = "the-token-of-this-look"
 
 # Share of a canvas that is not its most frequent colour, and how many colours it has (in steps of 16).
 INK = """id => {
@@ -58,19 +61,32 @@ def ink(page, canvas):
     return page.evaluate(INK, canvas)
 
 
-def look(browser, address, folder, name, size):
+def unlock(page, folder):
+    """Gives a wrong token, then the right one."""
+    page.wait_for_selector("body[data-token=asked]")
+    page.screenshot(path=folder / "locked.png")
+    page.fill("#token", "not-the-token-of-this-look")
+    page.click("#unlock")
+    page.wait_for_selector("#status.bad")
+    page.fill("#token", TOKEN)
+    page.press("#token", "Enter")
+
+
+def look(browser, address, folder, name, size, locked):
     problems = []
     page = browser.new_page(viewport={"width": size[0], "height": size[1]}, accept_downloads=True)
     page.set_default_timeout(WAIT_MS)
     page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.goto(address)
+    if locked:
+        unlock(page, folder)
     page.wait_for_selector("#model option", state="attached")
     page.screenshot(path=folder / f"{name}-empty.png")
 
     shown(page, lambda: page.click("#sample"))
     sample = folder / "street.ply"
-    sample.write_bytes(page.request.get(f"{address}/sample").body())
+    sample.write_bytes(page.request.get(f"{address}/sample", headers={"authorization": f"Bearer {TOKEN}"}).body())
     shown(page, lambda: page.set_input_files("#file", sample))
     page.screenshot(path=folder / f"{name}.png", full_page=True)
     for canvas in ("view", "image-before", "image-after"):
@@ -100,10 +116,24 @@ def look(browser, address, folder, name, size):
     page.set_input_files("#file", {"name": "scan.bin", "mimeType": "", "buffer": b"seventeen bytes.."})
     page.wait_for_selector("body[data-state=failed]:not([data-busy])")
     assert "17" in page.inner_text("#status.bad"), page.inner_text("#status")
-    # The service's refusal is in the console of every browser.
-    problems = [problem for problem in problems if "status of 400" not in problem]
+    # The service's refusals are in the console of every browser.
+    problems = [problem for problem in problems if not re.search("status of 40[01]", problem)]
     assert not problems, problems
     page.close()
+
+
+@contextmanager
+def serving(binary, locked):
+    """The address of a service, with or without a token."""
+    environment = os.environ | ({"REALBEAM_TOKEN": TOKEN} if locked else {})
+    server = subprocess.Popen([binary, "serve", "--addr", "127.0.0.1:0"], stderr=subprocess.PIPE, text=True, env=environment)
+    try:
+        found = next(filter(None, (re.search(r"listening at (http://\S+)", line) for line in server.stderr)), None)
+        assert found, "the service does not listen"
+        yield found.group(1)
+    finally:
+        server.terminate()
+        server.wait()
 
 
 def main():
@@ -115,23 +145,14 @@ def main():
         skip("no playwright; pip install playwright")
     folder = Path(sys.argv[2] if len(sys.argv) == 3 else "build/page")
     folder.mkdir(parents=True, exist_ok=True)
-    server = subprocess.Popen([sys.argv[1], "serve", "--addr", "127.0.0.1:0"], stderr=subprocess.PIPE, text=True)
-    try:
-        address = None
-        for line in server.stderr:
-            if found := re.search(r"listening at (http://\S+)", line):
-                address = found.group(1)
-                break
-        assert address, "the service does not listen"
-        with sync_playwright() as playwright:
-            browser = launch(playwright)
-            for name, size in WIDTHS.items():
-                look(browser, address, folder, name, size)
-                print(f"{name}: as it should be; see {folder / name}.png")
-            browser.close()
-    finally:
-        server.terminate()
-        server.wait()
+    with sync_playwright() as playwright:
+        browser = launch(playwright)
+        for name, size in WIDTHS.items():
+            locked = name == "wide"
+            with serving(sys.argv[1], locked) as address:
+                look(browser, address, folder, name, size, locked)
+            print(f"{name}: as it should be; see {folder / name}.png")
+        browser.close()
 
 
 if __name__ == "__main__":

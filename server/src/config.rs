@@ -11,8 +11,11 @@ use crate::catalogue::WorkerOptions;
 use crate::check::CheckOptions;
 use crate::token::Token;
 
+/// Environment variable that holds the token of the listener for scans.
+pub const TOKEN_VARIABLE: &str = "REALBEAM_TOKEN";
+
 /// Environment variable that holds the admin listener's token.
-pub const TOKEN_VARIABLE: &str = "REALBEAM_ADMIN_TOKEN";
+pub const ADMIN_TOKEN_VARIABLE: &str = "REALBEAM_ADMIN_TOKEN";
 
 /// What a service is started with; the defaults are those of the command line.
 #[derive(Clone, Debug)]
@@ -23,6 +26,8 @@ pub struct Config {
     pub default_model: String,
     /// Address to listen at; port 0 takes a free one.
     pub addr: SocketAddr,
+    /// What every request has to show, but for the page and the two questions after the service's health; `None` for nothing.
+    pub token: Option<Token>,
     /// Whether `GET /` is a page for people.
     pub page: bool,
     /// Workers of each model.
@@ -93,6 +98,7 @@ impl Default for Config {
             models: "models".into(),
             default_model: "hdl64e".into(),
             addr: (Ipv4Addr::LOCALHOST, 8080).into(),
+            token: None,
             page: true,
             workers: WorkerOptions::default(),
             check: CheckOptions::default(),

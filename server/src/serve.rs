@@ -84,7 +84,8 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
 
     let app = Arc::new(App::new(catalogue, metrics, config, end.clone()));
     let guests = |router| Guests { router, limits: config.connections, refused: app.metrics.refused_connections() };
-    let serving = listen(listener, guests(http::router(Arc::clone(&app), config.page)), end.clone());
+    let serving =
+        listen(listener, guests(http::router(Arc::clone(&app), config.page, config.token.clone())), end.clone());
     let admin = admin_listener.zip(config.admin.clone()).map(|((listener, _), admin)| {
         let router = http::admin::router(Arc::clone(&app), Arc::clone(&loader), admin.token);
         listen(listener, guests(router), end.clone())

@@ -3,7 +3,7 @@
 use std::env;
 use std::fs;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
@@ -14,7 +14,9 @@ use super::{cores, positive};
 use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
 use crate::check::CheckOptions;
-use crate::config::{AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions, TOKEN_VARIABLE};
+use crate::config::{
+    ADMIN_TOKEN_VARIABLE, AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions, TOKEN_VARIABLE,
+};
 use crate::serve::serve;
 use crate::token::Token;
 
@@ -42,6 +44,10 @@ pub(super) struct Serve {
     /// Address to listen at; port 0 takes a free one.
     #[arg(long, env = "REALBEAM_ADDR", default_value = "127.0.0.1:8080")]
     addr: SocketAddr,
+    /// File that holds the token which every request has to show as `Authorization: Bearer`, but for `GET /`, /v2/health/live and
+    /// /v2/health/ready [default: none]. `REALBEAM_TOKEN` may hold it instead.
+    #[arg(long, env = "REALBEAM_TOKEN_FILE", value_name = "FILE")]
+    token_file: Option<PathBuf>,
     /// No page for people at `GET /`.
     #[arg(long, env = "REALBEAM_NO_UI", value_parser = clap::builder::BoolishValueParser::new())]
     no_ui: bool,
@@ -126,11 +132,16 @@ impl Serve {
     }
 
     fn into_config(self) -> anyhow::Result<Config> {
-        let admin = self.admin.map(|addr| anyhow::Ok(AdminOptions { addr, token: self.token()? })).transpose()?;
+        let admin_token = || {
+            let token = token(ADMIN_TOKEN_VARIABLE, "--admin-token-file", self.admin_token_file.as_deref())?;
+            token.with_context(|| format!("--admin needs a token: either {ADMIN_TOKEN_VARIABLE} or --admin-token-file"))
+        };
+        let admin = self.admin.map(|addr| anyhow::Ok(AdminOptions { addr, token: admin_token()? })).transpose()?;
         Ok(Config {
             models: self.models,
             default_model: self.default_model,
             addr: self.addr,
+            token: token(TOKEN_VARIABLE, "--token-file", self.token_file.as_deref())?,
             page: !self.no_ui,
             workers: WorkerOptions {
                 workers: self.workers,
@@ -156,23 +167,22 @@ impl Serve {
             stop: StopOptions { lame_duck: self.lame_duck_s, grace: self.grace_s },
         })
     }
+}
 
-    /// The admin listener's token; it is no option of its own, for the arguments of a process are for all to see.
-    fn token(&self) -> anyhow::Result<Token> {
-        let variable = env::var(TOKEN_VARIABLE).ok();
-        ensure!(
-            variable.is_some() != self.admin_token_file.is_some(),
-            "--admin needs a token: either {TOKEN_VARIABLE} or --admin-token-file",
-        );
-        let (text, origin) = match &self.admin_token_file {
-            None => (variable.unwrap_or_default(), TOKEN_VARIABLE.to_owned()),
-            Some(file) => {
-                let origin = format!("token file {}", file.display());
-                (fs::read_to_string(file).with_context(|| origin.clone())?, origin)
-            }
-        };
-        Token::new(&text).with_context(|| origin)
-    }
+/// A token from its variable or its file; it is no option of its own, for the arguments of a process are for all to see.
+fn token(variable: &str, option: &str, file: Option<&Path>) -> anyhow::Result<Option<Token>> {
+    let text = env::var_os(variable);
+    ensure!(text.is_none() || file.is_none(), "a token in {variable} and in {option}; expected one of them");
+    let (text, origin) = match (text, file) {
+        (None, None) => return Ok(None),
+        // What is no text is no token either.
+        (Some(text), _) => (text.into_string().unwrap_or_default(), variable.to_owned()),
+        (None, Some(file)) => {
+            let origin = format!("token file {}", file.display());
+            (fs::read_to_string(file).with_context(|| origin.clone())?, origin)
+        }
+    };
+    Ok(Some(Token::new(&text).with_context(|| origin)?))
 }
 
 fn poll_seconds(text: &str) -> Result<Duration, String> {

@@ -5,9 +5,7 @@ use std::sync::Arc;
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
-use axum::http::header;
-use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
+use axum::middleware;
 use axum::routing::post;
 use axum::{Json, Router};
 use proto::ErrorCode;
@@ -16,7 +14,7 @@ use serde_json::{Map, Value, json};
 use tower_http::catch_panic::CatchPanicLayer;
 
 use super::error::ApiError;
-use super::{App, body, envelope, other_method, panicked};
+use super::{App, bearer, body, envelope, other_method, panicked};
 use crate::catalogue::{CatalogueError, Offer};
 use crate::loader::Loader;
 use crate::repository::RepositoryError;
@@ -38,30 +36,17 @@ struct Wish {
 
 /// The listener's routes.
 pub(crate) fn router(app: Arc<App>, loader: Arc<Loader>, token: Token) -> Router {
-    Router::new()
+    let routes = Router::new()
         .route("/v2/repository/index", post(index))
         .route("/v2/repository/models/{model}/load", post(load))
         .route("/v2/repository/models/{model}/unload", post(unload))
         .fallback(no_such_route)
         .method_not_allowed_fallback(other_method)
         .with_state(loader)
-        .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
-        .layer(middleware::from_fn_with_state(token, authorise))
+        .layer(DefaultBodyLimit::max(MAX_BODY_BYTES));
+    bearer::gated(routes, token, &[])
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(app, envelope::envelope))
-}
-
-/// Lets nobody through who has not the token, whatever he asks for.
-async fn authorise(State(token): State<Token>, request: Request, next: Next) -> Response {
-    let offered = request.headers().get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
-    let offered =
-        offered.and_then(|value| value.split_once(' ')).filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer"));
-    if offered.is_some_and(|(_, offered)| token.is(offered.trim())) {
-        return next.run(request).await;
-    }
-    body::discard(request.into_body()).await;
-    ApiError::new(ErrorCode::Unauthorized, "header authorization is not `Bearer` with this service's token")
-        .into_response()
 }
 
 /// `POST /v2/repository/index`: every version in the folder or on offer.

@@ -2,6 +2,7 @@
 
 pub(crate) mod admin;
 mod answer;
+mod bearer;
 mod body;
 mod docs;
 mod envelope;
@@ -37,6 +38,7 @@ use crate::catalogue::Catalogue;
 use crate::config::{Config, RequestLimits};
 use crate::metrics::Metrics;
 use crate::streams::Streams;
+use crate::token::Token;
 use error::ApiError;
 
 /// What every handler works with.
@@ -92,10 +94,14 @@ impl App {
     }
 }
 
-/// The service's routes, with or without its page.
-pub(crate) fn router(app: Arc<App>, with_page: bool) -> Router {
+/// Routes that ask for no token: by these a load balancer sees whether the service lives, and a person gets the page that asks for it.
+const OPEN: [&str; 3] = ["/", "/v2/health/live", "/v2/health/ready"];
+
+/// The service's routes, with or without its page, for everybody or for whoever has the token.
+pub(crate) fn router(app: Arc<App>, with_page: bool, token: Option<Token>) -> Router {
     let page = if with_page { page::router() } else { Router::new() };
-    page.route("/v1/scan", post(scan::scan))
+    let routes = page
+        .route("/v1/scan", post(scan::scan))
         .route("/info", get(info::info))
         .route("/metrics", get(metrics::metrics))
         .route("/api-doc/openapi.json", get(openapi::openapi))
@@ -104,9 +110,12 @@ pub(crate) fn router(app: Arc<App>, with_page: bool) -> Router {
         .merge(grpc::router())
         .fallback(no_such_route)
         .method_not_allowed_fallback(other_method)
-        .with_state(Arc::clone(&app))
-        .layer(CatchPanicLayer::custom(panicked))
-        .layer(middleware::from_fn_with_state(app, envelope::envelope))
+        .with_state(Arc::clone(&app));
+    let routes = match token {
+        Some(token) => bearer::gated(routes, token, &OPEN),
+        None => routes,
+    };
+    routes.layer(CatchPanicLayer::custom(panicked)).layer(middleware::from_fn_with_state(app, envelope::envelope))
 }
 
 async fn no_such_route(request: Request) -> ApiError {

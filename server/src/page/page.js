@@ -23,10 +23,36 @@ function say(text, kind = "") {
   [element("status").textContent, element("status").className] = [text, kind];
 }
 
-/** Fetches; an answer that is none becomes an error in the service's own words. */
+/** The token of a service that asks for one; known to this page as long as it is open, and to nothing else. */
+let token = "";
+
+/** Waits until the person has given a token. */
+function token_from_person() {
+  document.body.dataset.token = "asked";
+  element("token").focus();
+  return new Promise((given) => element("unlock").addEventListener("click", given, { once: true }));
+}
+
+function unlock() {
+  token = element("token").value.trim();
+  element("token").value = "";
+  document.body.dataset.token = "given";
+  say("");
+}
+
+/** Fetches, with the token if the service asks for it; an answer that is none becomes an error in the service's own words. */
 async function ask(path, options) {
-  const response = await fetch(path, options);
+  const tried = token;
+  const headers = tried ? { ...options?.headers, authorization: `Bearer ${tried}` } : options?.headers;
+  const response = await fetch(path, { ...options, headers });
   if (response.ok) return response;
+  if (response.status === 401) {
+    if (token === tried) {
+      say(tried ? "That is not this service's token." : "This service asks for its token.", tried ? "bad" : "");
+      await token_from_person();
+    }
+    return ask(path, options);
+  }
   const body = await response.json().catch(() => ({}));
   throw new Error(body.error ?? `the service answered ${response.status}`);
 }
@@ -242,6 +268,8 @@ function listen() {
 }
 
 async function begin() {
+  element("unlock").addEventListener("click", unlock);
+  element("token").addEventListener("keydown", (event) => event.key === "Enter" && element("unlock").click());
   info = await (await ask("/info")).json();
   element("model").append(...info.models.map(({ name }) => option(name, name)));
   element("model").value = info.default_model;

@@ -105,7 +105,7 @@ struct Serving {
     process: Child,
     addr: String,
     /// Held, so that the process can write on.
-    _log: Lines<BufReader<ChildStderr>>,
+    log: Lines<BufReader<ChildStderr>>,
 }
 
 impl Serving {
@@ -117,7 +117,7 @@ impl Serving {
         for line in log.by_ref() {
             let line = line?;
             if let Some(addr) = address(&line) {
-                return Ok(Self { process, addr, _log: log });
+                return Ok(Self { process, addr, log });
             }
             said += &line;
         }
@@ -188,6 +188,40 @@ fn a_model_is_checked_by_the_binary_itself_and_loaded_by_whoever_has_the_token()
     assert!(answer.status() == 422 && said.contains("does not run on an empty scan"), "{said}");
     publish("models/passthrough/2/model.onnx")?;
     assert_eq!(load()?.status(), 200);
+    Ok(())
+}
+
+#[test]
+fn the_token_of_the_service_comes_from_a_file_or_a_variable_and_is_never_logged() -> Result {
+    let folder = tempfile::tempdir()?;
+    let (file, token) = (folder.path().join("token"), "0123456789abcdef");
+    fs::write(&file, format!("{token}\n"))?;
+    let serve = || {
+        let mut command = realbeam_server();
+        command
+            .env("REALBEAM_DEFAULT_MODEL", "passthrough")
+            .env("REALBEAM_ADDR", "127.0.0.1:0")
+            .env("RUST_LOG", "trace");
+        command
+    };
+    let both = serve().arg("serve").arg("--token-file").arg(&file).env("REALBEAM_TOKEN", token).output()?;
+    assert!(stderr(&both).contains("a token in REALBEAM_TOKEN and in --token-file; expected one of them"));
+    let short = serve().arg("serve").env("REALBEAM_TOKEN", "a secret").output()?;
+    assert!(stderr(&short).contains("REALBEAM_TOKEN: expected a token of 16"), "{}", stderr(&short));
+    assert!(!both.status.success() && !short.status.success() && !stderr(&short).contains("a secret"));
+
+    for command in [serve().env("REALBEAM_TOKEN", token), serve().env("REALBEAM_TOKEN_FILE", &file)] {
+        let mut service = Serving::start(command, plain)?;
+        let ask = |token: &str| {
+            let agent = ureq::Agent::config_builder().http_status_as_error(false).build().new_agent();
+            let asked = agent.get(format!("http://{}/info", service.addr)).header("authorization", token);
+            asked.call().map(|answer| answer.status().as_u16())
+        };
+        assert_eq!((ask(&format!("Bearer {token}"))?, ask("Bearer fedcba9876543210")?), (200, 401));
+        assert!(Command::new("kill").arg(service.process.id().to_string()).status()?.success());
+        let log = service.log.by_ref().collect::<std::io::Result<Vec<_>>>()?.concat();
+        assert!(log.contains("/info") && !log.contains(token) && !log.contains("fedcba"), "{log}");
+    }
     Ok(())
 }
 

@@ -16,4 +16,5 @@ mod page;
 mod ring_counts;
 mod support;
 mod swap;
+mod token;
 mod views;
