@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use lidar::formats;
 
+use crate::address::Address;
 use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
 use crate::check::CheckOptions;
@@ -24,8 +25,10 @@ pub struct Config {
     pub models: PathBuf,
     /// The model that is used where a request names none.
     pub default_model: String,
-    /// Address to listen at; port 0 takes a free one.
-    pub addr: SocketAddr,
+    /// Where to listen.
+    pub addr: Address,
+    /// Mode of the file, where that is a Unix-domain socket.
+    pub socket_mode: u32,
     /// What every request has to show, but for the page and the two questions after the service's health; `None` for nothing.
     pub token: Option<Token>,
     /// Whether `GET /` is a page for people.
@@ -97,7 +100,8 @@ impl Default for Config {
         Self {
             models: "models".into(),
             default_model: "hdl64e".into(),
-            addr: (Ipv4Addr::LOCALHOST, 8080).into(),
+            addr: Address::Tcp((Ipv4Addr::LOCALHOST, 8080).into()),
+            socket_mode: 0o600,
             token: None,
             page: true,
             workers: WorkerOptions::default(),

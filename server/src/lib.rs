@@ -4,6 +4,7 @@
 //! [`convert`](convert()) runs it on files; both read models from a [`repository`], where one model is one ONNX file that carries its
 //! own card. Finding ONNX Runtime itself is the matter of the crate [`runtime`].
 
+pub mod address;
 mod budget;
 pub mod canary;
 pub mod catalogue;
@@ -34,6 +35,7 @@ pub mod trial;
 mod view;
 pub mod worker;
 
+pub use address::Address;
 pub use canary::Canary;
 pub use catalogue::WorkerOptions;
 pub use check::CheckOptions;

@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
 use thiserror::Error;
-use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
 use tokio_util::sync::CancellationToken;
 
+use crate::address::Address;
 use crate::canary::{Canaries, CanaryError};
 use crate::catalogue::{Catalogue, CatalogueError};
-use crate::config::{Config, StopOptions};
+use crate::config::{AdminOptions, Config, StopOptions};
 use crate::http::{self, App};
-use crate::listen::{Guests, listen};
+use crate::listen::{Guests, Listener, listen};
 use crate::loader::{Loader, poll};
 use crate::metrics::Metrics;
 use crate::repository::Repository;
@@ -23,7 +23,7 @@ use crate::source::Source;
 /// A running service. Dropping it stops it.
 #[derive(Debug)]
 pub struct Server {
-    addr: SocketAddr,
+    addr: Address,
     admin_addr: Option<SocketAddr>,
     stop: CancellationToken,
     thread: Option<JoinHandle<()>>,
@@ -55,7 +55,7 @@ pub enum ServeError {
     #[error("cannot listen at {addr}: {source}")]
     Listen {
         /// The address.
-        addr: SocketAddr,
+        addr: Address,
         /// The system's reason.
         source: io::Error,
     },
@@ -78,9 +78,10 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("http").build()?;
     let default = catalogue.find(None, None, None).map_err(CatalogueError::from)?;
     runtime.block_on(catalogue.pool(&default))?;
-    let (listener, addr) = bind(&runtime, config.addr)?;
-    let admin_listener = config.admin.as_ref().map(|admin| bind(&runtime, admin.addr)).transpose()?;
-    let admin_addr = admin_listener.as_ref().map(|(_, addr)| *addr);
+    let (listener, addr) = bind(&runtime, &config.addr, config.socket_mode)?;
+    let bind_admin = |admin: &AdminOptions| bind(&runtime, &admin.addr.into(), config.socket_mode);
+    let admin_listener = config.admin.as_ref().map(bind_admin).transpose()?;
+    let admin_addr = admin_listener.as_ref().and_then(|(_, addr)| addr.tcp());
 
     let app = Arc::new(App::new(catalogue, metrics, config, end.clone()));
     let guests = |router| Guests { router, limits: config.connections, refused: app.metrics.refused_connections() };
@@ -127,18 +128,18 @@ async fn if_some(future: Option<impl Future<Output = ()>>) {
     }
 }
 
-fn bind(runtime: &Runtime, addr: SocketAddr) -> Result<(TcpListener, SocketAddr), ServeError> {
-    let bound = runtime.block_on(TcpListener::bind(addr)).and_then(|listener| {
-        let addr = listener.local_addr()?;
+fn bind(runtime: &Runtime, addr: &Address, socket_mode: u32) -> Result<(Listener, Address), ServeError> {
+    let bound = runtime.block_on(Listener::bind(addr, socket_mode)).and_then(|listener| {
+        let addr = listener.address()?;
         Ok((listener, addr))
     });
-    bound.map_err(|source| ServeError::Listen { addr, source })
+    bound.map_err(|source| ServeError::Listen { addr: addr.clone(), source })
 }
 
 impl Server {
     /// The address that the service listens at.
-    pub fn addr(&self) -> SocketAddr {
-        self.addr
+    pub fn addr(&self) -> &Address {
+        &self.addr
     }
 
     /// The address that the admin listener listens at, if there is one.

@@ -11,6 +11,7 @@ use clap::Args;
 
 use super::log::LogOptions;
 use super::{cores, positive};
+use crate::address::Address;
 use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
 use crate::check::CheckOptions;
@@ -41,9 +42,12 @@ pub(super) struct Serve {
     /// Model that is used where a request names none.
     #[arg(long, env = "REALBEAM_DEFAULT_MODEL", default_value = "hdl64e")]
     default_model: String,
-    /// Address to listen at; port 0 takes a free one.
+    /// Address to listen at: an IP address and a port, 0 for a free one, or `unix:` and the path of a socket.
     #[arg(long, env = "REALBEAM_ADDR", default_value = "127.0.0.1:8080")]
-    addr: SocketAddr,
+    addr: Address,
+    /// Permissions of that socket, in octal digits.
+    #[arg(long, env = "REALBEAM_SOCKET_MODE", default_value = "600", value_name = "MODE", value_parser = socket_mode)]
+    socket_mode: u32,
     /// File that holds the token which every request has to show as `Authorization: Bearer`, but for `GET /`, /v2/health/live and
     /// /v2/health/ready [default: none]. `REALBEAM_TOKEN` may hold it instead.
     #[arg(long, env = "REALBEAM_TOKEN_FILE", value_name = "FILE")]
@@ -127,7 +131,10 @@ impl Serve {
         if let Some(addr) = server.admin_addr() {
             tracing::info!("models are loaded at http://{addr}");
         }
-        tracing::info!("listening at http://{}", server.addr());
+        match server.addr() {
+            Address::Tcp(addr) => tracing::info!("listening at http://{addr}"),
+            socket @ Address::Unix(_) => tracing::info!("listening at {socket}"),
+        }
         Ok(server.stop_at_signal()?)
     }
 
@@ -141,6 +148,7 @@ impl Serve {
             models: self.models,
             default_model: self.default_model,
             addr: self.addr,
+            socket_mode: self.socket_mode,
             token: token(TOKEN_VARIABLE, "--token-file", self.token_file.as_deref())?,
             page: !self.no_ui,
             workers: WorkerOptions {
@@ -185,6 +193,12 @@ fn token(variable: &str, option: &str, file: Option<&Path>) -> anyhow::Result<Op
     Ok(Some(Token::new(&text).with_context(|| origin)?))
 }
 
+/// A number that TOML has as `0o660` arrives in decimal digits; none of those gives the owner both of his permissions.
+fn socket_mode(text: &str) -> Result<u32, String> {
+    let mode = u32::from_str_radix(text, 8).ok().filter(|mode| *mode <= 0o777 && mode & 0o600 == 0o600);
+    mode.ok_or_else(|| "expected octal digits such as 660, by which the owner may read and write".into())
+}
+
 fn poll_seconds(text: &str) -> Result<Duration, String> {
     seconds(text).and_then(|time| if time.is_zero() { Err("expected more than 0 seconds".into()) } else { Ok(time) })
 }
@@ -204,6 +218,15 @@ mod tests {
     struct Alone {
         #[command(flatten)]
         serve: Serve,
+    }
+
+    #[test]
+    fn a_socket_s_mode_is_octal_however_it_is_written() {
+        assert_eq!((socket_mode("660"), socket_mode("0666"), socket_mode("0600")), (Ok(0o660), Ok(0o666), Ok(0o600)));
+        let decimal = (0o600..=0o777).map(|mode| mode.to_string());
+        for wrong in ["", "8", "060", "1777", "-600", "rw"].map(Into::into).into_iter().chain(decimal) {
+            assert!(socket_mode(&wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

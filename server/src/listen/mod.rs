@@ -2,6 +2,9 @@
 
 mod activity;
 mod connection;
+mod listener;
+#[cfg(unix)]
+mod unix_socket;
 
 use std::io::{self, ErrorKind};
 use std::sync::Arc;
@@ -9,12 +12,12 @@ use std::time::Duration;
 
 use axum::Router;
 use prometheus_client::metrics::counter::Counter;
-use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::config::ConnectionLimits;
+pub(crate) use listener::Listener;
 
 /// Pause after the system had no resources for a connection.
 const BREATHER: Duration = Duration::from_millis(200);
@@ -28,7 +31,7 @@ pub(crate) struct Guests {
 }
 
 /// Serves connections until `stop`, then until the last request under way is answered.
-pub(crate) async fn listen(listener: TcpListener, Guests { router, limits, refused }: Guests, stop: CancellationToken) {
+pub(crate) async fn listen(listener: Listener, Guests { router, limits, refused }: Guests, stop: CancellationToken) {
     let (connections, places) = (TaskTracker::new(), Arc::new(Semaphore::new(limits.max)));
     loop {
         let accepted = tokio::select! {
@@ -36,14 +39,12 @@ pub(crate) async fn listen(listener: TcpListener, Guests { router, limits, refus
             accepted = listener.accept() => accepted,
         };
         let stream = match accepted {
-            Ok((stream, _)) => stream,
+            Ok(stream) => stream,
             Err(error) => {
                 pause(&error).await;
                 continue;
             }
         };
-        // Answers go out whole; without this the last packet may wait for an acknowledgement.
-        let _ = stream.set_nodelay(true);
         if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
             let (router, stop) = (router.clone(), stop.clone());
             connections.spawn(async move {

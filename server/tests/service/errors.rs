@@ -1,7 +1,7 @@
 //! Every way to fail has its status, its code and its words.
 
 use std::io::{Read, Write};
-use std::net::{Shutdown, TcpStream};
+use std::net::Shutdown;
 
 use lidar::PointCloud;
 use lidar::formats::{self, Format};
@@ -11,7 +11,7 @@ use crate::support::{Answer, Result, Service, bin, config, scan};
 
 /// Sends all bytes as they are, then reads until the service closes. A request that breaks off is followed by the end of the stream.
 fn raw(service: &Service, request: &[u8], breaks_off: bool) -> Result<(String, ErrorBody)> {
-    let mut stream = TcpStream::connect(service.server.addr())?;
+    let mut stream = service.connect()?;
     stream.write_all(request)?;
     if breaks_off {
         stream.shutdown(Shutdown::Write)?;

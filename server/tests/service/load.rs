@@ -14,7 +14,7 @@ const SLOW: &str = "?model=hdl64e";
 
 /// A connection on which a request of so many bytes is under way, half of it sent.
 fn half_sent(service: &Service, bytes: usize) -> Result<TcpStream> {
-    let mut stream = TcpStream::connect(service.server.addr())?;
+    let mut stream = service.connect()?;
     write!(stream, "POST /v1/scan HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {bytes}\r\n\r\n")?;
     stream.write_all(&vec![0; bytes / 2])?;
     Ok(stream)
@@ -163,10 +163,10 @@ fn slow_bodies_slow_heads_and_silence_are_not_waited_for() -> Result {
     assert!(error.error.contains("within 0.3 s"), "{}", error.error);
 
     let started = Instant::now();
-    let mut silent = TcpStream::connect(service.server.addr())?;
-    let mut slow_head = TcpStream::connect(service.server.addr())?;
+    let mut silent = service.connect()?;
+    let mut slow_head = service.connect()?;
     // The beginning of HTTP/2's preface tells not yet which version will be spoken.
-    let mut undecided = TcpStream::connect(service.server.addr())?;
+    let mut undecided = service.connect()?;
     slow_head.write_all(b"GET /info HTTP/1.1\r\nhost:")?;
     undecided.write_all(b"PRI * HT")?;
     for stream in [&mut silent, &mut slow_head, &mut undecided] {

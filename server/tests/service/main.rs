@@ -17,4 +17,5 @@ mod ring_counts;
 mod support;
 mod swap;
 mod token;
+mod unix_socket;
 mod views;

@@ -1,5 +1,6 @@
 //! A service on the tests' models, a client for it, and scans to send.
 
+use std::net::TcpStream;
 use std::path::PathBuf;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -66,6 +67,11 @@ impl Service {
 
     pub(crate) fn url(&self, path: &str) -> String {
         format!("http://{}{path}", self.server.addr())
+    }
+
+    /// A connection of its own.
+    pub(crate) fn connect(&self) -> Result<TcpStream> {
+        Ok(TcpStream::connect(self.server.addr().tcp().ok_or("no TCP address")?)?)
     }
 
     /// Posts a scan: `query` with its question mark, headers as (name, value).

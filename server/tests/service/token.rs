@@ -1,7 +1,6 @@
 //! A service for those alone who have its token.
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
 
 use proto::ErrorCode;
 use server::{Config, Token};
@@ -52,7 +51,7 @@ fn a_page_that_is_not_there_is_not_open_either() -> Result {
 #[test]
 fn a_body_without_the_token_is_not_asked_for() -> Result {
     let service = locked()?;
-    let mut stream = TcpStream::connect(service.server.addr())?;
+    let mut stream = service.connect()?;
     let head = "POST /v1/scan HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\nexpect: 100-continue\r\n\r\n";
     stream.write_all(head.as_bytes())?;
     let mut answer = String::new();
