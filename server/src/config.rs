@@ -10,6 +10,7 @@ use crate::address::Address;
 use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
 use crate::check::CheckOptions;
+use crate::tls::TlsFiles;
 use crate::token::Token;
 
 /// Environment variable that holds the token of the listener for scans.
@@ -29,6 +30,8 @@ pub struct Config {
     pub addr: Address,
     /// Mode of the file, where that is a Unix-domain socket.
     pub socket_mode: u32,
+    /// What the listener shows that it is who it is; `None` for plain HTTP.
+    pub tls: Option<TlsFiles>,
     /// What every request has to show, but for the page and the two questions after the service's health; `None` for nothing.
     pub token: Option<Token>,
     /// Whether `GET /` is a page for people.
@@ -102,6 +105,7 @@ impl Default for Config {
             default_model: "hdl64e".into(),
             addr: Address::Tcp((Ipv4Addr::LOCALHOST, 8080).into()),
             socket_mode: 0o600,
+            tls: None,
             token: None,
             page: true,
             workers: WorkerOptions::default(),

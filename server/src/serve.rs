@@ -19,6 +19,7 @@ use crate::loader::{Loader, poll};
 use crate::metrics::Metrics;
 use crate::repository::Repository;
 use crate::source::Source;
+use crate::tls::{TlsError, TlsFiles};
 
 /// A running service. Dropping it stops it.
 #[derive(Debug)]
@@ -45,6 +46,9 @@ pub enum ServeError {
         /// Bytes of one body.
         body: usize,
     },
+    /// The certificate or its key cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     /// A model has two canaries.
     #[error(transparent)]
     Canary(#[from] CanaryError),
@@ -73,6 +77,7 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     if let Some(admin) = config.admin.as_ref().filter(|admin| !admin.addr.ip().to_canonical().is_loopback()) {
         return Err(ServeError::AdminAddress(admin.addr));
     }
+    let tls = config.tls.as_ref().map(TlsFiles::acceptor).transpose()?;
     let (stop, end, metrics) = (CancellationToken::new(), CancellationToken::new(), Metrics::new());
     let (catalogue, loader) = read_models(config, &metrics, &end)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("http").build()?;
@@ -84,12 +89,13 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let admin_addr = admin_listener.as_ref().and_then(|(_, addr)| addr.tcp());
 
     let app = Arc::new(App::new(catalogue, metrics, config, end.clone()));
-    let guests = |router| Guests { router, limits: config.connections, refused: app.metrics.refused_connections() };
-    let serving =
-        listen(listener, guests(http::router(Arc::clone(&app), config.page, config.token.clone())), end.clone());
+    let guests =
+        |router, tls| Guests { router, limits: config.connections, refused: app.metrics.refused_connections(), tls };
+    let router = http::router(Arc::clone(&app), config.page, config.token.clone());
+    let serving = listen(listener, guests(router, tls), end.clone());
     let admin = admin_listener.zip(config.admin.clone()).map(|((listener, _), admin)| {
         let router = http::admin::router(Arc::clone(&app), Arc::clone(&loader), admin.token);
-        listen(listener, guests(router), end.clone())
+        listen(listener, guests(router, None), end.clone())
     });
     let polling = config.poll.map(|every| poll(loader, every, end.clone()));
     let serving = async {

@@ -19,6 +19,7 @@ use crate::config::{
     ADMIN_TOKEN_VARIABLE, AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions, TOKEN_VARIABLE,
 };
 use crate::serve::serve;
+use crate::tls::TlsFiles;
 use crate::token::Token;
 
 /// Name of the subcommand.
@@ -48,6 +49,12 @@ pub(super) struct Serve {
     /// Permissions of that socket, in octal digits.
     #[arg(long, env = "REALBEAM_SOCKET_MODE", default_value = "600", value_name = "MODE", value_parser = socket_mode)]
     socket_mode: u32,
+    /// Certificate by which the service is known, and those that vouch for it (PEM); connections are then TLS 1.2 or 1.3 [default: plain HTTP].
+    #[arg(long, env = "REALBEAM_TLS_CERT", value_name = "FILE")]
+    tls_cert: Option<PathBuf>,
+    /// Its private key (PEM, not encrypted).
+    #[arg(long, env = "REALBEAM_TLS_KEY", value_name = "FILE")]
+    tls_key: Option<PathBuf>,
     /// File that holds the token which every request has to show as `Authorization: Bearer`, but for `GET /`, /v2/health/live and
     /// /v2/health/ready [default: none]. `REALBEAM_TOKEN` may hold it instead.
     #[arg(long, env = "REALBEAM_TOKEN_FILE", value_name = "FILE")]
@@ -127,12 +134,18 @@ impl Serve {
         let mut config = self.into_config()?;
         config.check.program =
             Some(env::current_exe().context("cannot find the program that checks models: this one")?);
+        let scheme = if config.tls.is_some() { "https" } else { "http" };
         let server = serve(&config)?;
         if let Some(addr) = server.admin_addr() {
             tracing::info!("models are loaded at http://{addr}");
         }
         match server.addr() {
-            Address::Tcp(addr) => tracing::info!("listening at http://{addr}"),
+            Address::Tcp(addr) => {
+                if config.token.is_some() && config.tls.is_none() && !addr.ip().to_canonical().is_loopback() {
+                    tracing::warn!("without --tls-cert and --tls-key the token can be read on its way");
+                }
+                tracing::info!("listening at {scheme}://{addr}");
+            }
             socket @ Address::Unix(_) => tracing::info!("listening at {socket}"),
         }
         Ok(server.stop_at_signal()?)
@@ -144,11 +157,16 @@ impl Serve {
             token.with_context(|| format!("--admin needs a token: either {ADMIN_TOKEN_VARIABLE} or --admin-token-file"))
         };
         let admin = self.admin.map(|addr| anyhow::Ok(AdminOptions { addr, token: admin_token()? })).transpose()?;
+        ensure!(
+            self.tls_cert.is_some() == self.tls_key.is_some(),
+            "--tls-cert and --tls-key go together; one of them is missing"
+        );
         Ok(Config {
             models: self.models,
             default_model: self.default_model,
             addr: self.addr,
             socket_mode: self.socket_mode,
+            tls: self.tls_cert.zip(self.tls_key).map(|(cert, key)| TlsFiles { cert, key }),
             token: token(TOKEN_VARIABLE, "--token-file", self.token_file.as_deref())?,
             page: !self.no_ui,
             workers: WorkerOptions {

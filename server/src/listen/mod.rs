@@ -13,11 +13,14 @@ use std::time::Duration;
 use axum::Router;
 use prometheus_client::metrics::counter::Counter;
 use tokio::sync::Semaphore;
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::server::TlsStream;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::config::ConnectionLimits;
 pub(crate) use listener::Listener;
+use listener::Stream;
 
 /// Pause after the system had no resources for a connection.
 const BREATHER: Duration = Duration::from_millis(200);
@@ -28,10 +31,16 @@ pub(crate) struct Guests {
     pub(crate) limits: ConnectionLimits,
     /// Counts those that were one too many.
     pub(crate) refused: Counter,
+    /// Shakes hands with each one first.
+    pub(crate) tls: Option<TlsAcceptor>,
 }
 
 /// Serves connections until `stop`, then until the last request under way is answered.
-pub(crate) async fn listen(listener: Listener, Guests { router, limits, refused }: Guests, stop: CancellationToken) {
+pub(crate) async fn listen(
+    listener: Listener,
+    Guests { router, limits, refused, tls }: Guests,
+    stop: CancellationToken,
+) {
     let (connections, places) = (TaskTracker::new(), Arc::new(Semaphore::new(limits.max)));
     loop {
         let accepted = tokio::select! {
@@ -46,19 +55,43 @@ pub(crate) async fn listen(listener: Listener, Guests { router, limits, refused 
             }
         };
         if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
-            let (router, stop) = (router.clone(), stop.clone());
+            let (router, stop, tls) = (router.clone(), stop.clone(), tls.clone());
             connections.spawn(async move {
-                connection::serve(stream, router, limits, stop).await;
+                match tls {
+                    None => connection::serve(stream, router, limits, stop).await,
+                    Some(tls) => {
+                        if let Some(stream) = handshake(&tls, stream, limits.idle_time, &stop).await {
+                            connection::serve(stream, router, limits, stop).await;
+                        }
+                    }
+                }
                 drop(place);
             });
         } else {
             refused.inc();
-            connections.spawn(connection::refuse(stream, limits.max));
+            // To be told so over TLS would cost more than to be let in.
+            if tls.is_none() {
+                connections.spawn(connection::refuse(stream, limits.max));
+            }
         }
     }
     drop(listener);
     connections.close();
     connections.wait().await;
+}
+
+/// The connection within a connection; `None` for a client that does not speak TLS, or takes longer than for a request's headers.
+async fn handshake(
+    tls: &TlsAcceptor,
+    stream: Stream,
+    time: Duration,
+    stop: &CancellationToken,
+) -> Option<TlsStream<Stream>> {
+    let shaken = tokio::select! {
+        shaken = tokio::time::timeout(time, tls.accept(stream)) => shaken.ok()?,
+        () = stop.cancelled() => return None,
+    };
+    shaken.inspect_err(|error| tracing::debug!("no TLS with a client: {error}")).ok()
 }
 
 /// A connection that ended before it was accepted is its own affair; a lack of file descriptors lasts.

@@ -168,6 +168,9 @@ fn a_model_is_checked_by_the_binary_itself_and_loaded_by_whoever_has_the_token()
         &[("REALBEAM_ADMIN", "0.0.0.0:0"), ("REALBEAM_ADMIN_TOKEN", "0123456789abcdef")],
         "is not a loopback address",
     )?;
+    refused(&[("REALBEAM_TLS_CERT", "cert.pem")], "--tls-cert and --tls-key go together; one of them is missing")?;
+    refused(&[("REALBEAM_TLS_CERT", "c.pem"), ("REALBEAM_TLS_KEY", "k.pem")], "TLS file c.pem: No such file")?;
+    refused(&[("REALBEAM_SOCKET_MODE", "rw")], "expected octal digits such as 660")?;
     refused(&[("REALBEAM_CANARY", "street=1:0.1,street=2:0.1")], "model `street` has two canaries")?;
 
     let token = folder.path().join("token");

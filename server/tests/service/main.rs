@@ -16,6 +16,7 @@ mod page;
 mod ring_counts;
 mod support;
 mod swap;
+mod tls;
 mod token;
 mod unix_socket;
 mod views;
