@@ -21,6 +21,9 @@ use crate::config::ConnectionLimits;
 /// Time in which a connection that is not let in has to take its answer.
 const REFUSAL: Duration = Duration::from_secs(2);
 
+/// Bytes that the head of a request may have, and that of its body are read at a time. HTTP/2's heads have their own limit, hyper's 16 KiB.
+const MAX_HEAD_BYTES: usize = 64 << 10;
+
 /// Serves HTTP/1.1 or HTTP/2 until the client ends it, a limit is hit, or the service stops and no request is under way.
 ///
 /// hyper's own limit on the time of headers begins with the first byte; the watch on the connection's activity covers silence too.
@@ -38,7 +41,7 @@ where
         async move { answering.await.map(|answer| answer.map(|body| Sent::new(body, under_way))) }
     });
     let mut builder = Builder::new(TokioExecutor::new());
-    builder.http1().timer(TokioTimer::new()).header_read_timeout(limits.idle_time);
+    builder.http1().timer(TokioTimer::new()).header_read_timeout(limits.idle_time).max_buf_size(MAX_HEAD_BYTES);
     builder.http2().timer(TokioTimer::new());
     let mut connection = pin!(builder.serve_connection(TokioIo::new(Box::pin(stream)), service));
     let mut idle = pin!(activity.idle_for(limits.idle_time));

@@ -8,6 +8,7 @@ mod docs;
 mod errors;
 mod formats;
 mod grpc;
+mod hostile;
 mod load;
 mod metrics;
 mod models;
