@@ -4,6 +4,7 @@
 //! <https://github.com/triton-inference-server/server>, `docs/protocol/extension_binary_data.md`.
 
 mod answer;
+mod few;
 mod flat;
 mod messages;
 mod request;

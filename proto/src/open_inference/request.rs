@@ -4,6 +4,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 use thiserror::Error;
 
+use super::few::{Few, Parameters};
 use super::flat::Flat;
 use super::{DATATYPE, Tensor};
 
@@ -70,19 +71,25 @@ pub enum RequestError {
 const IGNORED: [&str; 6] =
     ["sequence_id", "sequence_start", "sequence_end", "priority", "timeout", "binary_data_output"];
 
+/// Most inputs, and outputs, of a request.
+const MAX_TENSORS: usize = 4096;
+
+/// Most axes of a tensor.
+const MAX_AXES: usize = 8;
+
 #[derive(Deserialize)]
 struct Head {
     id: Option<String>,
     #[serde(default)]
-    parameters: Map<String, Value>,
-    inputs: Vec<Input>,
-    outputs: Option<Vec<Output>>,
+    parameters: Parameters,
+    inputs: Few<Input, MAX_TENSORS>,
+    outputs: Option<Few<Output, MAX_TENSORS>>,
 }
 
 #[derive(Deserialize)]
 struct Input {
     name: String,
-    shape: Vec<i64>,
+    shape: Few<i64, MAX_AXES>,
     datatype: String,
     #[serde(default)]
     parameters: InputParameters,
@@ -117,19 +124,20 @@ impl InferRequest {
         let too_long = RequestError::HeaderLength { length, body: body.len() };
         let (json, binary) = body.split_at_checked(length).ok_or(too_long)?;
         let head: Head = serde_json::from_slice(json)?;
-        let sizes = head.inputs.iter().map(|input| input.parameters.binary_data_size.unwrap_or_default());
+        let (Few(inputs), Parameters(parameters)) = (head.inputs, head.parameters);
+        let sizes = inputs.iter().map(|input| input.parameters.binary_data_size.unwrap_or_default());
         let expected = sizes.fold(0, u64::saturating_add);
         if expected != binary.len() as u64 {
             return Err(RequestError::BinaryLength { expected, found: binary.len() });
         }
-        let binary_outputs = head.parameters.get("binary_data_output").and_then(Value::as_bool).unwrap_or_default();
-        let outputs = head.outputs.map(|outputs| outputs.into_iter().map(|o| o.read(binary_outputs)).collect());
-        let parameters = head.parameters.into_iter().filter(|(name, _)| is_models_matter(name));
+        let binary_outputs = parameters.get("binary_data_output").and_then(Value::as_bool).unwrap_or_default();
+        let outputs = head.outputs.map(|Few(outputs)| outputs.into_iter().map(|o| o.read(binary_outputs)).collect());
+        let parameters = parameters.into_iter().filter(|(name, _)| is_models_matter(name));
         let mut rest = binary;
         Ok(Self {
             id: head.id,
             parameters: parameters.collect(),
-            inputs: head.inputs.into_iter().map(|input| input.read(&mut rest)).collect::<Result<_, _>>()?,
+            inputs: inputs.into_iter().map(|input| input.read(&mut rest)).collect::<Result<_, _>>()?,
             outputs: outputs.transpose()?,
             binary_outputs,
         })
@@ -153,7 +161,8 @@ impl Input {
                 float32(own)
             }
         };
-        tensor(self.name, &self.datatype, &self.shape, values)
+        let Few(shape) = self.shape;
+        tensor(self.name, &self.datatype, &shape, values)
     }
 }
 

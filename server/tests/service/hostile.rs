@@ -238,6 +238,7 @@ fn tensors_that_contradict_themselves_are_refused() -> Result {
         let input = format!(r#"{{"name":"POINTS","shape":[1,4],"datatype":"FP32",{}}}"#, size(bytes));
         format!(r#"{{"inputs":[{input},{input}]}}"#)
     };
+    let many_names = (0..300_000).map(|i| format!(r#"{{"name":"{i}"}}"#)).collect::<Vec<_>>().join(",");
     let cases: Vec<(&str, Option<&str>, String, u16)> = vec![
         ("scan", None, deep.clone(), 400),
         ("scan", None, format!(r#"{{"inputs":{deep}"#), 400),
@@ -252,7 +253,10 @@ fn tensors_that_contradict_themselves_are_refused() -> Result {
         ("scan", None, points("[4]", four), 422),
         ("scan", None, points("[]", r#""data":[1]"#), 422),
         ("scan", None, points("[1,4]", r#""data":[1,2,3,1e999]"#), 400),
-        ("scan", None, points(&format!("[{}4]", "1,".repeat(100_000)), four), 422),
+        ("scan", None, points(&format!("[{}4]", "1,".repeat(100_000)), four), 400),
+        // Many times as large in memory, or the square of it in time, were it read to its end.
+        ("scan", None, format!(r#"{{"inputs":[],"parameters":{{"a":[{}0]}}}}"#, "0,".repeat(3 << 20)), 400),
+        ("scan", None, format!(r#"{{"inputs":[],"outputs":[{many_names}]}}"#), 400),
         ("scan", None, points("[1,4]", &size(u64::MAX)), 400),
         ("scan", None, two(1 << 63), 400),
         ("scan", Some("-1"), "{}".into(), 400),
