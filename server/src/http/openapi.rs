@@ -19,7 +19,7 @@ pub(super) async fn openapi() -> Json<&'static Value> {
 pub(super) static DOCUMENT: LazyLock<Value> = LazyLock::new(document);
 
 /// What any request may meet.
-const ANY: [ErrorCode; 2] = [ErrorCode::Internal, ErrorCode::TooManyConnections];
+const ANY: [ErrorCode; 3] = [ErrorCode::Unauthorized, ErrorCode::Internal, ErrorCode::TooManyConnections];
 
 /// What whoever names a model may meet.
 const NAMED: [ErrorCode; 3] = [ErrorCode::BadQuery, ErrorCode::ModelNotFound, ErrorCode::ModelFailed];
@@ -97,7 +97,9 @@ fn document() -> Value {
             "license": { "name": "MIT OR Apache-2.0" },
         },
         "paths": paths,
-        "components": { "schemas": { "Error": {
+        // Where the service has a token; health and the page are for everybody.
+        "security": [{}, { "token": [] }],
+        "components": { "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } }, "schemas": { "Error": {
             "type": "object",
             "required": ["error", "code", "request_id"],
             "additionalProperties": false,
