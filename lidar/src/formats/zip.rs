@@ -28,6 +28,7 @@ const MAX_EXPANSION: usize = 1032;
 #[derive(Debug)]
 pub(super) struct Archive<'a> {
     bytes: &'a [u8],
+    directory: usize,
     pub(super) entries: Vec<Entry>,
 }
 
@@ -57,8 +58,29 @@ impl<'a> Archive<'a> {
             return Err(FormatError::TooMany { field: "number of members".into(), offset, found, limit: MAX_MEMBERS });
         }
         input.seek(directory, "offset of central directory")?;
-        let entries = (0..count).map(|_| Entry::read(&mut input)).collect::<Result<_, _>>()?;
-        Ok(Self { bytes, entries })
+        let entries = (0..count).map(|_| Entry::read(&mut input)).collect::<Result<Vec<_>, _>>()?;
+        // Members that share their bytes make a small archive a large one (Fifield, "A better zip bomb", 2019).
+        let packed = entries.iter().fold(0, |sum: usize, entry| sum.saturating_add(entry.packed));
+        if packed > directory {
+            let expected = format!("members of at most the {directory} bytes before it");
+            return Err(FormatError::field("central directory", directory, expected, format!("{packed} bytes")));
+        }
+        Ok(Self { bytes, directory, entries })
+    }
+
+    /// Checks what all members claim to unpack to, before the first one is.
+    pub(super) fn check_unpacked(&self, limit: usize) -> Result<(), FormatError> {
+        let unpacked = self.entries.iter().fold(0, |sum: usize, entry| sum.saturating_add(entry.unpacked));
+        if unpacked > limit {
+            let found = format!("{unpacked} bytes unpacked");
+            return Err(FormatError::TooMany {
+                field: "central directory".into(),
+                offset: self.directory,
+                found,
+                limit,
+            });
+        }
+        Ok(())
     }
 
     /// Unpacks a member of at most `budget` bytes.
@@ -258,6 +280,18 @@ mod tests {
             let archive = Archive::read(&bytes).map_err(std::io::Error::other)?;
             assert!(archive.unpack(&archive.entries[0], 1 << 30).is_err(), "{unpacked}");
         }
+        Ok(())
+    }
+
+    #[test]
+    fn members_that_share_their_bytes_are_refused() -> Result<(), FormatError> {
+        let mut archive = Writer::default();
+        archive.add("a.npy", &[7; 100])?;
+        // The directory names it twice; its place is kept.
+        archive.directory = archive.directory.repeat(2);
+        archive.count = 2;
+        let error = Archive::read(&archive.finish()?).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(error.contains("expected members of at most the 135 bytes before it, found 200 bytes"), "{error}");
         Ok(())
     }
 
