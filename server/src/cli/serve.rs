@@ -43,7 +43,7 @@ pub(super) struct Serve {
     /// Model that is used where a request names none.
     #[arg(long, env = "REALBEAM_DEFAULT_MODEL", default_value = "hdl64e")]
     default_model: String,
-    /// Address to listen at: an IP address and a port, 0 for a free one, or `unix:` and the path of a socket.
+    /// Address to listen at, for HTTP and gRPC: an IP address and a port, 0 for a free one, or `unix:` and the path of a socket.
     #[arg(long, env = "REALBEAM_ADDR", default_value = "127.0.0.1:8080")]
     addr: Address,
     /// Permissions of that socket, in octal digits.
@@ -91,7 +91,7 @@ pub(super) struct Serve {
     /// Seconds that the check may take.
     #[arg(long, env = "REALBEAM_CHECK_TIME_S", default_value = "60", value_parser = seconds)]
     check_time_s: Duration,
-    /// Bytes that a body may have; more is 413.
+    /// Bytes that a body, or a message of gRPC, may have; more is 413, over gRPC `RESOURCE_EXHAUSTED`.
     #[arg(long, env = "REALBEAM_MAX_BODY_BYTES", default_value_t = RequestLimits::default().max_body_bytes)]
     max_body_bytes: usize,
     /// Points that a scan may have; more is 413.
@@ -109,7 +109,8 @@ pub(super) struct Serve {
     /// Connections at a time; one more is told 503 and closed.
     #[arg(long, env = "REALBEAM_MAX_CONNECTIONS", default_value_t = ConnectionLimits::default().max, value_parser = positive)]
     max_connections: usize,
-    /// Seconds that a connection may be without a request, or take to send the headers of one; then it is closed.
+    /// Seconds that a connection may be without a request, or take to send the headers of one, or a stream of scans
+    /// without a scan; then it is closed.
     #[arg(long, env = "REALBEAM_IDLE_TIME_S", default_value = "60", value_parser = seconds)]
     idle_time_s: Duration,
     /// Seconds in which a client may take nothing of an answer that is there for it; then the connection is closed.

@@ -209,6 +209,11 @@ mod tests {
             ["99999999H", "1n", "", "S", "123456789S"].map(|text| grpc_timeout(text).is_some()),
             [true, true, false, false, false]
         );
+        assert!(read(&[("grpc-timeout", "1S")])?.deadline < read(&[("x-deadline-ms", "60000")])?.deadline);
+        assert!(
+            read(&[("grpc-timeout", "1M"), ("x-deadline-ms", "1")])?.deadline
+                < read(&[("grpc-timeout", "1S")])?.deadline
+        );
         assert_eq!(grpc_timeout("250m"), Some(Duration::from_millis(250)));
         assert_eq!(problem("x-stream-id", "a b"), "header x-stream-id is `a b`, expected 1 to 128 visible characters");
         assert_eq!(

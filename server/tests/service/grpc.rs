@@ -20,6 +20,7 @@ use tokio_stream::iter;
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Request, Status};
 
+use crate::load::half_sent;
 use crate::support::{Result, Service, bin, config, scan, wait_until};
 
 /// Name of the stand-in whose run takes longest: 64 × 2048.
@@ -332,6 +333,34 @@ fn a_message_that_is_too_large_is_refused_before_it_is_read() -> Result {
         assert_eq!((ended.code(), ended.message()), (Code::ResourceExhausted, "the body has more than 100000 bytes"));
         Ok(())
     })
+}
+
+#[test]
+fn where_there_is_no_memory_left_a_call_is_refused_and_a_stream_waits() -> Result {
+    let mut config = config()?;
+    (config.requests.max_body_bytes, config.requests.max_inflight_bytes) = (200_000, 250_000);
+    // What is half sent stays so, however slow the machine.
+    config.requests.body_time = Duration::from_mins(10);
+    let service = Service::with(&config)?;
+    let others = half_sent(&service, 192_000)?;
+    let is_used =
+        |bytes| wait_until("memory is taken", || Ok(figure(&metrics(&service)?, "realbeam_inflight_bytes") == bytes));
+    is_used(192_000)?;
+    Runtime::new()?.block_on(async {
+        let (status, code, message) = refused(models(&service).await?.model_infer(points(&bin()?, 7)).await)?;
+        assert_eq!((status, &*code), (Code::ResourceExhausted, "too_many_bytes"));
+        assert!(message.contains("bodies of 192000 bytes are under way"), "{message}");
+        let mut client = ScansClient::new(channel(&service).await?);
+        let mut answers = client.scan(iter(vec![numbered(1, "", Mode::Every)?])).await?.into_inner();
+        tokio::select! {
+            answer = answers.message() => return Err(format!("there was no memory for {answer:?}").into()),
+            () = tokio::time::sleep(Duration::from_millis(300)) => drop(others),
+        }
+        let answer = answers.message().await?.ok_or("no answer")?;
+        assert!(answer.failure.is_none(), "{:?}", answer.failure);
+        Ok::<_, Box<dyn std::error::Error>>(())
+    })?;
+    is_used(0)
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::support::{Answer, Result, Service, bin, config, wait_until};
 const SLOW: &str = "?model=hdl64e";
 
 /// A connection on which a request of so many bytes is under way, half of it sent.
-fn half_sent(service: &Service, bytes: usize) -> Result<TcpStream> {
+pub(crate) fn half_sent(service: &Service, bytes: usize) -> Result<TcpStream> {
     let mut stream = service.connect()?;
     write!(stream, "POST /v1/scan HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {bytes}\r\n\r\n")?;
     stream.write_all(&vec![0; bytes / 2])?;
