@@ -242,7 +242,9 @@ fn a_check_ends_with_its_time_and_takes_no_more_than_its_memory() -> Result {
     assert_eq!(endless.status.code(), None, "ended by a signal: {}", endless.status);
     let hungry = check("hostile/hungry.onnx", [memory, time])?;
     assert!(String::from_utf8_lossy(&hungry.stdout).contains("Failed to allocate memory"), "{hungry:?}");
-    assert!(!check(good, ["--memory-bytes=50000000", time])?.status.success(), "the limit is one");
+    // Too little for ONNX Runtime's library. With just enough for that, memory may end where Rust cannot report it and waits for ever,
+    // which is for the service's clock to end.
+    assert!(!check(good, ["--memory-bytes=20000000", time])?.status.success(), "the limit is one");
     Ok(())
 }
 
