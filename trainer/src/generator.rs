@@ -28,6 +28,12 @@ pub struct Answer {
     pub keep: Vec<f32>,
 }
 
+/// What a generator makes of scans, each scan's rays drawn once, with its number as seed.
+pub fn answers(network: &impl Generator, scans: &[RangeImage]) -> Vec<RangeImage> {
+    let answer = |(seed, image): (u64, &RangeImage)| Answer::new(network, image, &Device::flex()).drawn(image, seed);
+    (0..).zip(scans).map(answer).collect()
+}
+
 impl Answer {
     /// A network's answer to an image.
     pub fn new(network: &impl Generator, image: &RangeImage, device: &Device) -> Self {

@@ -10,7 +10,7 @@ use likeness::{Draws, Score};
 use super::config::TranslationConfig;
 use super::domain::Domain;
 use super::realness::{self as quick, Distance};
-use crate::generator::{Answer, Generator};
+use crate::generator::{Generator, answers};
 use crate::realness::{Judge, Protocol, Summary};
 use crate::segmentation::Segmentation;
 
@@ -44,11 +44,9 @@ impl<'s> Exam<'s> {
         Ok(Self { simulated, real, learned: load(&config.real.train)?, judge: judge.transpose()? })
     }
 
-    /// What a network makes of the simulated scans, each scan's rays drawn once.
+    /// What a network makes of the simulated scans.
     pub fn answers(&self, network: &impl Generator) -> Vec<RangeImage> {
-        let answer =
-            |(seed, image): (u64, &RangeImage)| Answer::new(network, image, &Device::flex()).drawn(image, seed);
-        (0..).zip(&self.simulated).map(answer).collect()
+        answers(network, &self.simulated)
     }
 
     /// How far answers are from real scans; then how far from the scans that they answer, of which no [`floor`](Self::floor) is known.

@@ -2,12 +2,11 @@
 
 use anyhow::Result;
 use burn::tensor::Device;
-use lidar::RangeImage;
 use serde_json::json;
 
 use super::domain::Domain;
 use super::realness::{Distance, distances};
-use crate::generator::{Answer, Generator};
+use crate::generator::{Answer, Generator, answers};
 use crate::train::Validation;
 
 /// Held-out scans.
@@ -33,7 +32,7 @@ impl Examiner {
 
     /// How far a generator's answers are from real, each scan's rays drawn once.
     pub fn of(&self, generator: &impl Generator) -> Vec<Distance> {
-        distances(&self.answers(generator), &self.real.images)
+        distances(&answers(generator, &self.simulated.images), &self.real.images)
     }
 
     /// The same as a validation: the sum of the distances, each in units of the simulation's own.
@@ -54,11 +53,5 @@ impl Examiner {
             (&answer, "translated"),
             (&self.real.images[0], "real, of another place"),
         ])?)
-    }
-
-    fn answers(&self, generator: &impl Generator) -> Vec<RangeImage> {
-        let answer =
-            |(seed, image): (u64, &RangeImage)| Answer::new(generator, image, &Device::flex()).drawn(image, seed);
-        (0..).zip(&self.simulated.images).map(answer).collect()
     }
 }
