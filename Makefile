@@ -4,7 +4,7 @@ BIN := $(CARGO_TARGET_DIR)/release
 PYTHON_ENV := $(CARGO_TARGET_DIR)/python
 export REALBEAM_PYTHON ?= $(PYTHON_ENV)/bin/python
 
-.PHONY: build demo test page lint bench
+.PHONY: build demo test page lint deny bench
 
 # All targets in one go: Cargo would otherwise build Burn a second time for the tests, whose dependencies switch on other features.
 build:
@@ -25,6 +25,10 @@ page: build
 lint:
 	cargo fmt --all --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+
+# Licences, sources and advisories of every dependency; needs `cargo install cargo-deny --locked`.
+deny:
+	cargo deny --locked check
 
 bench: build
 	cargo bench --locked --workspace
