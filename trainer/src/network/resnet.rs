@@ -3,7 +3,7 @@
 //! Park et al., "Contrastive learning for unpaired image-to-image translation" (2020); Haghighi et al., "Contrastive learning-based
 //! framework for sim-to-real mapping of lidar point clouds in autonomous driving systems" (2023).
 
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::nn::conv::Conv2d;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, s};
@@ -34,6 +34,8 @@ pub struct ResnetConfig {
     pub border: Border,
     /// Whether there is an encoder of the semantic labels.
     pub condition: bool,
+    /// Rings that the network tells apart, the sensor's; 0: none, as in the papers, where every ring is treated alike.
+    pub rings: usize,
     /// What the last layer says.
     pub output: Output,
     /// The most that a [correction](Output::Correction) changes a range code by: 0.01 of the logarithmic code are 2.4 % of r + 1 m where a
@@ -60,6 +62,7 @@ impl Default for ResnetConfig {
             norm: NormKind::Instance,
             border: Border::Turn,
             condition: true,
+            rings: 0,
             output: Output::Whole,
             range_reach: 1.0,
         }
@@ -71,6 +74,7 @@ impl Default for ResnetConfig {
 pub struct Resnet {
     image: Encoder,
     condition: Option<Encoder>,
+    rings: Option<Rings>,
     blocks: Vec<Block>,
     up: Vec<Stage>,
     head: Conv2d,
@@ -80,6 +84,15 @@ pub struct Resnet {
     output: Output,
     #[module(skip)]
     range_reach: f32,
+}
+
+/// What makes ring 7 differ from ring 8: lasers differ in power, receivers in gain.
+#[derive(Module, Debug)]
+struct Rings {
+    /// Added to the features of the first convolution, `[1, channel, ring, 1]`.
+    stem: Param<Tensor<4>>,
+    /// Added to what the last one says, `[1, channel, ring, 1]`.
+    head: Param<Tensor<4>>,
 }
 
 /// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
@@ -123,6 +136,7 @@ impl ResnetConfig {
         Resnet {
             image: self.encoder(IMAGE_CHANNELS, device),
             condition: self.condition.then(|| self.encoder(1, device)),
+            rings: (self.rings > 0).then(|| Rings::new(self, device)),
             blocks: (joined..self.blocks).map(|_| Block::new(deep, norm, device)).collect(),
             up: (0..HALVINGS).rev().map(|i| stage(width << (i + 1), width << i)).collect(),
             head: conv(width, IMAGE_CHANNELS + 1, 7, 0, device),
@@ -197,6 +211,10 @@ impl Resnet {
             x = stage.forward(double(x, self.border), self.border);
         }
         let x = self.head.forward(self.border.pad(x, 3));
+        let x = match &self.rings {
+            None => x,
+            Some(rings) => x + rings.head.val(),
+        };
         let channels = |from: usize, to: usize| x.clone().slice(s![.., from..to, .., ..]);
         let said = channels(0, IMAGE_CHANNELS);
         let image = match self.output {
@@ -211,10 +229,11 @@ impl Resnet {
     /// The latent features after the first block that knows the condition; they and those that are passed on the way are appended to
     /// `seen`.
     fn latent(&self, image: Tensor<4>, condition: &Tensor<4>, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
-        let x = self.image.forward(image, self.border, seen);
+        let rings = self.rings.as_ref().map(|rings| rings.stem.val());
+        let x = self.image.forward(image, rings, self.border, seen);
         let x = match &self.condition {
             None => x,
-            Some(encoder) => x + encoder.forward(condition.clone(), self.border, &mut vec![]),
+            Some(encoder) => x + encoder.forward(condition.clone(), None, self.border, &mut vec![]),
         };
         let x = match self.blocks.first() {
             None => x,
@@ -225,9 +244,19 @@ impl Resnet {
     }
 }
 
+impl Rings {
+    fn new(config: &ResnetConfig, device: &Device) -> Self {
+        let zeros = |channels| Param::from_tensor(Tensor::zeros([1, channels, config.rings, 1], device));
+        Self { stem: zeros(config.width), head: zeros(IMAGE_CHANNELS + 1) }
+    }
+}
+
 impl Encoder {
-    fn forward(&self, x: Tensor<4>, border: Border, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
-        let mut x = relu(self.stem.norm.forward(self.stem.conv.forward(border.pad(x, 3))));
+    /// `rings` is added to the features of the first convolution.
+    fn forward(&self, x: Tensor<4>, rings: Option<Tensor<4>>, border: Border, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
+        let convolved = self.stem.conv.forward(border.pad(x, 3));
+        let told_apart = rings.into_iter().fold(convolved, |x, rings| x + rings);
+        let mut x = relu(self.stem.norm.forward(told_apart));
         for stage in &self.down {
             let convolved = stage.conv.forward(border.pad(x, 1));
             seen.push(convolved.clone());
@@ -335,14 +364,37 @@ mod tests {
         assert!(most(0) <= 0.010_001 && most(0) > 0.009 && most(1) > 0.1, "{} {}", most(0), most(1));
     }
 
+    #[test]
+    fn rings_are_told_apart_where_that_is_asked_for_and_columns_never_are() {
+        let device = Device::flex();
+        // The same everywhere: whatever differs in the answer is the network's own.
+        let image = Tensor::<4>::zeros([1, 2, 16, 32], &device) + 0.3;
+        let condition = image.clone().slice(s![.., 0..1]);
+        let spread = |rings: usize, along: usize| {
+            device.seed(3);
+            let mut network = ResnetConfig { rings, ..small(Border::Turn) }.init(&device);
+            network.rings = network.rings.map(|rings| rings.map(&mut Shuffled));
+            let logit = network.forward(image.clone(), &condition).keep_logit;
+            (logit.clone().max_dim(along) - logit.min_dim(along)).max().into_scalar::<f32>()
+        };
+        assert!(spread(0, 2) < 1e-5, "{}", spread(0, 2));
+        assert!(spread(16, 2) > 0.1 && spread(16, 3) < 1e-5, "{} {}", spread(16, 2), spread(16, 3));
+    }
+
+    /// Random weights.
+    struct Shuffled;
+
+    impl burn::module::ModuleMapper for Shuffled {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            param.map(|x| x.random_like(Distribution::Normal(0.0, 1.0)))
+        }
+    }
+
     /// Weights a thousand times as large.
     struct Louder;
 
     impl burn::module::ModuleMapper for Louder {
-        fn map_float<const D: usize>(
-            &mut self,
-            param: burn::module::Param<Tensor<D>>,
-        ) -> burn::module::Param<Tensor<D>> {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
             param.map(|x| x * 1e3)
         }
     }
