@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use lidar::Sensor;
 use serde::{Deserialize, Serialize};
 
+use crate::backend::Backend;
 use crate::network::{COLUMN_MULTIPLE, UNetConfig};
 use crate::translation::TranslationConfig;
 
@@ -27,6 +28,9 @@ pub struct TrainConfig {
     /// Columns of the sensor's turn, if other than the built-in sensor's.
     #[serde(default)]
     pub columns: Option<usize>,
+    /// What computes the steps.
+    #[serde(default)]
+    pub backend: Backend,
     /// Seed of the weights, the order of the scans and the augmentation.
     #[serde(default)]
     pub seed: u64,

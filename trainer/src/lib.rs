@@ -1,5 +1,6 @@
 //! Learns what a real sensor makes of a scan: networks, losses, training, evaluation, export.
 
+pub mod backend;
 pub mod benchmark;
 pub mod closed_loop;
 pub mod config;

@@ -7,6 +7,7 @@ use lidar::Sensor;
 use serde::{Deserialize, Serialize};
 
 use super::darknet::{COLUMN_MULTIPLE, DarknetConfig, RING_MULTIPLE};
+use crate::backend::Backend;
 use crate::config::load_sensor;
 
 /// A training run.
@@ -28,6 +29,9 @@ pub struct SegmentationConfig {
     pub labelled: LabelledConfig,
     /// Made-up streets.
     pub streets: StreetsConfig,
+    /// What computes the steps.
+    #[serde(default)]
+    pub backend: Backend,
     /// Seed of the weights, the order of the scans, the streets and what is done to them.
     #[serde(default)]
     pub seed: u64,

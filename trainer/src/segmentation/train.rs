@@ -30,7 +30,7 @@ pub fn train(config: &SegmentationConfig, root: &Path) -> Result<Segmentation> {
     let sensor = config.sensor()?;
     let Data { learned, held_out, trained_on } = Data::load(config, root, &sensor)?;
     let sampler = Sampler::new(learned.into(), &sensor, config.seed, config.batch, config.crop_columns);
-    let device = Device::flex().autodiff();
+    let device = config.backend.device()?.autodiff();
     device.seed(config.seed);
     let mut network = config.network.init(&device);
     let mut optimizer = AdamConfig::new().init();
@@ -48,7 +48,8 @@ pub fn train(config: &SegmentationConfig, root: &Path) -> Result<Segmentation> {
     }
     let card =
         SegmentationCard::new(&config.summary, &config.licence, &config.notes, sensor.clone(), config.network.clone());
-    let mut trained = Segmentation { network: network.valid(), card: SegmentationCard { trained_on, ..card } };
+    let network = network.valid().to_device(&Device::flex());
+    let mut trained = Segmentation { network, card: SegmentationCard { trained_on, ..card } };
     for (of, images) in &held_out {
         let score = trained.score(of, images, &sensor, &Device::flex());
         trained.card.scores.push(score);

@@ -30,7 +30,7 @@ pub fn train(config: &TrainConfig, run: &Run) -> Result<Option<Scores>> {
     let sensor = config.sensor()?;
     let training = load(&config.train, &run.data, &sensor)?;
     let validation = load(&config.validate, &run.data, &sensor)?;
-    let device = Device::flex().autodiff();
+    let device = config.backend.device()?.autodiff();
     device.seed(config.seed);
     let network = config.network.init(sensor.rings().len(), &device);
     tracing::info!(parameters = network.num_params(), "network");
@@ -126,7 +126,7 @@ impl Learner for Supervised<'_> {
 
     fn validate(&self) -> Result<Validation> {
         let scans = self.validation.iter().flat_map(|s| &s.images);
-        let scores = evaluate(&self.student.network.network.valid(), scans, &Device::flex());
+        let scores = evaluate(&self.student.network.answering(), scans, &Device::flex());
         // Each score in units of what doing nothing scores, so that neither outweighs the other by its unit.
         let total = scores.keep_log_loss.model / scores.keep_log_loss_of_constant
             + scores.reflectance_mae.model / scores.reflectance_mae.pass_through;
@@ -140,11 +140,11 @@ impl Learner for Supervised<'_> {
     }
 
     fn weights(&self) -> Result<Vec<u8>> {
-        network_bytes(&self.student.network.network.valid())
+        network_bytes(&self.student.network.answering())
     }
 
     fn picture(&self) -> Result<Vec<u8>> {
-        let network = self.student.network.network.valid();
+        let network = self.student.network.answering();
         let real = &self.validation[0].images[0];
         let answer = Answer::new(&network, real, &Device::flex()).drawn(real, 0);
         Ok(lidar::picture::before_after(real, &answer)?)

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
-use burn::tensor::{Bytes, Gradients, Tensor};
+use burn::tensor::{Bytes, Device, Gradients, Tensor};
 
 use super::checkpoint::{network_bytes, network_from};
 use super::parts::Parts;
@@ -34,6 +34,11 @@ impl<M: Module> Trainee<M> {
     pub fn with_optimizer(network: M, optimizer: ModuleOptimizer) -> Self {
         network.visit(&mut Draw);
         Self { network, optimizer }
+    }
+
+    /// The network as it answers, on the processor.
+    pub fn answering(&self) -> M {
+        self.network.valid().to_device(&Device::flex())
     }
 
     /// One step along the gradients of this network, which are taken out of `gradients`.

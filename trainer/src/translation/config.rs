@@ -9,6 +9,7 @@ use super::answer::Reporting;
 use super::augment::Augmentation;
 use super::domain::Grid;
 use super::view::{Coding, Unreported};
+use crate::backend::Backend;
 use crate::config::{DataConfig, load_sensor, read_table};
 use crate::network::{Border, COLUMN_MULTIPLE, PatchGanConfig, RangeCode, RangeCoder, ResnetConfig, UNetConfig};
 
@@ -48,6 +49,9 @@ pub struct TranslationConfig {
     /// Columns of the turn, if other than the sensor's; scans with more are resampled to it.
     #[serde(default)]
     pub columns: Option<usize>,
+    /// What computes the steps.
+    #[serde(default)]
+    pub backend: Backend,
     /// Seed of the weights, the order of the scans, the augmentation and the ray drop.
     #[serde(default)]
     pub seed: u64,
@@ -280,6 +284,11 @@ impl TranslationConfig {
         ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
         ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
         ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        let told_apart = self.generator.rings;
+        ensure!(
+            told_apart == 0 || told_apart == rings,
+            "generator.rings is {told_apart}, expected the sensor's {rings}, or 0 for rings that are treated alike"
+        );
         let reach = self.generator.range_reach;
         ensure!(reach > 0.0 && reach <= 2.0, "generator.range_reach is {reach}, expected more than 0, at most 2");
         let d = &self.discriminator;
@@ -341,6 +350,7 @@ mod tests {
             ("[schedule]\ncrop_columns = 2052", "the turn has 2048"),
             ("[schedule]\naverage = 1.0", "average"),
             ("[losses]\npatches = 1", "patches"),
+            ("[generator]\nrings = 32", "generator.rings is 32"),
             ("[generator]\nwidht = 3", "widht"),
             ("[discriminator]\nhalvings = 5", "rings: 64 hold no patch"),
         ] {

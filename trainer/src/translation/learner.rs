@@ -63,7 +63,8 @@ impl Translating {
     }
 
     fn translator(&self) -> Translator {
-        Translator::new(self.average.clone().with_border(self.border), self.reporting)
+        let average = self.average.clone().to_device(&Device::flex());
+        Translator::new(average.with_border(self.border), self.reporting)
     }
 }
 

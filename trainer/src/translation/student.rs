@@ -1,7 +1,6 @@
 //! What learns from real scans alone and is applied to simulated ones, in the training loop.
 
 use anyhow::Result;
-use burn::module::Module;
 use burn::tensor::Tensor;
 
 use super::config::Schedule;
@@ -34,15 +33,15 @@ impl Learner for Supervised {
     }
 
     fn validate(&self) -> Result<Validation> {
-        Ok(self.examiner.validate(&self.student.network.network.valid()))
+        Ok(self.examiner.validate(&self.student.network.answering()))
     }
 
     fn weights(&self) -> Result<Vec<u8>> {
-        network_bytes(&self.student.network.network.valid())
+        network_bytes(&self.student.network.answering())
     }
 
     fn picture(&self) -> Result<Vec<u8>> {
-        self.examiner.picture(&self.student.network.network.valid())
+        self.examiner.picture(&self.student.network.answering())
     }
 
     fn batch(&self, step: usize) -> Vec<(&'static str, Tensor<4>)> {

@@ -110,7 +110,7 @@ fn learner(config: &TranslationConfig, run: &Run, grid: &Grid, examiner: Examine
     let load = |list: &[DataConfig]| Domain::load(&run.data, list, grid);
     let real = load(&config.real.train)?;
     let (schedule, losses, rings) = (config.schedule, config.losses, grid.sensor.rings().len());
-    let device = Device::flex().autodiff();
+    let device = config.backend.device()?.autodiff();
     device.seed(config.seed);
     let setting = Setting {
         generator: config.training_generator()?,
