@@ -2,9 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use burn::tensor::Device;
 use clap::Args;
+use trainer::backend::Backend;
 use trainer::config::AnyConfig;
+use trainer::realness::Protocol;
+use trainer::segmentation::Segmentation;
 use trainer::train::{Run, supervised, train};
 use trainer::{export, translation};
 
@@ -24,6 +28,12 @@ pub(super) struct TrainArgs {
     /// Stop after this step, with a checkpoint.
     #[arg(long)]
     stop_after: Option<usize>,
+    /// What computes the steps, in the place of what the config says.
+    #[arg(long, value_enum)]
+    backend: Option<Backend>,
+    /// Seed, in the place of the config's.
+    #[arg(long)]
+    seed: Option<u64>,
 }
 
 #[derive(Debug, Args)]
@@ -33,6 +43,12 @@ pub(super) struct EvaluateArgs {
     /// Folder that the config's data paths are relative to.
     #[arg(long, default_value = ".")]
     data: PathBuf,
+    /// A translation's: the segmentation network's folder, for every metric of `compare`; without, three quick ones are told.
+    #[arg(long)]
+    segmentation: Option<PathBuf>,
+    /// Whose definitions of these metrics.
+    #[arg(long, value_enum, default_value_t, requires = "segmentation")]
+    protocol: Protocol,
 }
 
 #[derive(Debug, Args)]
@@ -53,8 +69,16 @@ impl TrainArgs {
     pub(super) fn run(self) -> Result<()> {
         let run = Run { out: self.out, data: self.data, resume: self.resume, stop_after: self.stop_after };
         let table = match AnyConfig::read(&self.config)? {
-            AnyConfig::Supervised(config) => train(&config, &run)?.map(|scores| scores.to_table()),
-            AnyConfig::Translation(config) => translation::train(&config, &run)?.map(|scores| scores.to_table()),
+            AnyConfig::Supervised(mut config) => {
+                config.backend = self.backend.unwrap_or(config.backend);
+                config.seed = self.seed.unwrap_or(config.seed);
+                train(&config, &run)?.map(|scores| scores.to_table())
+            }
+            AnyConfig::Translation(mut config) => {
+                config.backend = self.backend.unwrap_or(config.backend);
+                config.seed = self.seed.unwrap_or(config.seed);
+                translation::train(&config, &run)?.map(|scores| scores.to_table())
+            }
         };
         if let Some(table) = table {
             println!("{table}");
@@ -67,10 +91,20 @@ impl EvaluateArgs {
     /// The scores of the run's best network.
     pub(super) fn table(&self) -> Result<String> {
         match AnyConfig::read(&self.run.join("config.toml"))? {
-            AnyConfig::Supervised(config) => Ok(supervised::scores(&config, &self.run, &self.data)?.to_table()),
-            AnyConfig::Translation(config) => {
-                Ok(translation::training::scores(&config, &self.run, &self.data)?.to_table())
+            AnyConfig::Supervised(_) if self.segmentation.is_some() => {
+                bail!(
+                    "--segmentation: {} is no translation; judge what it makes of scans with `compare`",
+                    self.run.display()
+                )
             }
+            AnyConfig::Supervised(config) => Ok(supervised::scores(&config, &self.run, &self.data)?.to_table()),
+            AnyConfig::Translation(config) => match &self.segmentation {
+                None => Ok(translation::training::scores(&config, &self.run, &self.data)?.to_table()),
+                Some(folder) => {
+                    let network = Segmentation::load(folder, &Device::flex())?;
+                    translation::table::evaluate(&config, &self.run, &self.data, (&network, self.protocol))
+                }
+            },
         }
     }
 }

@@ -24,18 +24,18 @@ pub struct Exam<'s> {
 }
 
 impl<'s> Exam<'s> {
-    /// The test scans of a config. With a segmentation network every metric of [`crate::realness`] is told, at the config's grid; without
-    /// one, those of [`super::realness`].
-    pub fn new(config: &TranslationConfig, data: &Path, segmentation: Option<&'s Segmentation>) -> Result<Self> {
+    /// The test scans of a config. With a segmentation network every metric of [`crate::realness`] is told, at the config's grid and as the
+    /// protocol defines it; without one, those of [`super::realness`].
+    pub fn new(config: &TranslationConfig, data: &Path, by: Option<(&'s Segmentation, Protocol)>) -> Result<Self> {
         let grid = config.grid()?;
         let load = |list| Domain::load(data, list, &grid).map(|domain| domain.images);
         let (simulated, real) = (load(&config.simulated.test)?, load(&config.real.test)?);
-        let judge = segmentation.map(|segmentation| -> Result<_> {
+        let judge = by.map(|(segmentation, protocol)| -> Result<_> {
             let judge = Judge {
                 sensor: grid.sensor.clone(),
                 segmentation,
                 device: Device::flex(),
-                protocol: Protocol::Realbeam,
+                protocol,
                 draws: Draws { count: 0, ..Draws::default() },
             };
             let real = judge.sum_up(&real)?;

@@ -10,6 +10,8 @@ use super::config::TranslationConfig;
 use super::exam::Exam;
 use super::realness::Distance;
 use super::training::{Trained, best_network, train};
+use crate::backend::Backend;
+use crate::realness::Protocol;
 use crate::realness::report::short;
 use crate::segmentation::Segmentation;
 use crate::train::{Run, checkpoint};
@@ -67,12 +69,20 @@ impl Table {
         Ok(Self { seeds: config.seeds, rows })
     }
 
+    /// The same table, its steps computed by another backend.
+    #[must_use]
+    pub fn with_backend(mut self, backend: Backend) -> Self {
+        self.rows.iter_mut().for_each(|(_, config)| config.backend = backend);
+        self
+    }
+
     /// Trains what has not ended yet, each run in a folder of its own under `out`, scores every run's best network on the test scans, leaves
     /// a picture of their answers, `answers.png`, and returns the table.
     ///
     /// Scores are those of [`crate::realness`], whose features are of the `segmentation` network; without one, of [`super::realness`].
     pub fn run(&self, data: &Path, out: &Path, segmentation: Option<&Segmentation>) -> Result<String> {
-        let exam = Exam::new(&self.rows[0].1, data, segmentation)?;
+        let by = segmentation.map(|network| (network, Protocol::Realbeam));
+        let exam = Exam::new(&self.rows[0].1, data, by)?;
         let mut rows: Vec<Row> = self.rows.iter().map(|(name, _)| Row { name, scores: vec![] }).collect();
         let mut pictured = vec![];
         // Seed by seed, so that a table that is not finished yet has all its rows.
@@ -104,6 +114,14 @@ impl Table {
         )?;
         Ok(text)
     }
+}
+
+/// The scores of one run's best network on the test scans, beside the simulation and other real scans, by every metric of a protocol.
+pub fn evaluate(config: &TranslationConfig, run: &Path, data: &Path, by: (&Segmentation, Protocol)) -> Result<String> {
+    let exam = Exam::new(config, data, Some(by))?;
+    let scores = exam.scores(&exam.answers(&best_network(config, run)?))?;
+    let table = print(&exam, &[Row { name: &config.name, scores: vec![scores] }])?;
+    Ok(format!("{table}\n{}\n", exam.says()))
 }
 
 /// A row's scores, seed by seed.
