@@ -63,7 +63,8 @@ impl Translating {
     }
 
     fn translator(&self) -> Translator {
-        let average = self.average.clone().to_device(&Device::flex());
+        // Clones share the statistics of batch norms; `valid` has its own.
+        let average = self.average.valid().to_device(&Device::flex());
         Translator::new(average.with_border(self.border), self.reporting)
     }
 }
