@@ -12,12 +12,13 @@ use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 use trainer::generator::Answer;
 use trainer::network::resnet::IMAGE_CHANNELS;
+use trainer::realness::Protocol;
 use trainer::segmentation::weights::SegmentationCard;
 use trainer::segmentation::{DarknetConfig, Segmentation};
 use trainer::train::{Run, checkpoint};
 use trainer::translation::method::{Setting, Step, adversarial};
 use trainer::translation::sampler::scans;
-use trainer::translation::table::Table;
+use trainer::translation::table::{Table, evaluate};
 use trainer::translation::training::best_network;
 use trainer::translation::{Domain, Sampler, TranslationConfig, train};
 
@@ -344,6 +345,19 @@ fn with_a_segmentation_network_a_table_tells_every_metric() -> Fact {
         assert!(value.abs() < 1e-6, "{name} is {value}: {text}");
     }
     assert!(root.path().join("runs/answers.png").exists());
+
+    let (run, config) =
+        (root.path().join("runs/unet/seed-1"), TranslationConfig::read(&root.path().join("unet.toml"))?);
+    let of = |protocol| evaluate(&config, &run, root.path(), (&segmentation, protocol));
+    let (ours, authors) = (of(Protocol::Realbeam)?, of(Protocol::Cls2r)?);
+    // A table of one run says of it what the run alone does.
+    let column =
+        |text: &str, i: usize| text.lines().filter_map(|l| Some(l.split('|').nth(i)?.trim().to_owned())).collect();
+    let (in_table, alone): (Vec<String>, Vec<String>) = (column(&text, 3), column(&ours, 3));
+    assert_eq!(in_table[1..], alone[1..]);
+    for metric in ["SWD", "JSD", "MMD", "CD", "RMSE"] {
+        assert!(authors.contains(&format!("| cls2r {metric}")), "{authors}");
+    }
     Ok(())
 }
 
