@@ -10,6 +10,7 @@ use crate::address::Address;
 use crate::canary::Canary;
 use crate::catalogue::WorkerOptions;
 use crate::check::CheckOptions;
+use crate::model::MAX_MODEL_BYTES;
 use crate::tls::TlsFiles;
 use crate::token::Token;
 
@@ -24,6 +25,8 @@ pub const ADMIN_TOKEN_VARIABLE: &str = "REALBEAM_ADMIN_TOKEN";
 pub struct Config {
     /// The folder of models.
     pub models: PathBuf,
+    /// Bytes that a model's file may have.
+    pub max_model_bytes: u64,
     /// The model that is used where a request names none.
     pub default_model: String,
     /// Where to listen.
@@ -102,6 +105,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             models: "models".into(),
+            max_model_bytes: MAX_MODEL_BYTES,
             default_model: "hdl64e".into(),
             addr: Address::Tcp((Ipv4Addr::LOCALHOST, 8080).into()),
             socket_mode: 0o600,

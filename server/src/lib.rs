@@ -43,7 +43,7 @@ pub use check::CheckOptions;
 pub use config::{AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions};
 pub use convert::{Conversion, convert};
 pub use generator::{Chance, Noise};
-pub use model::Model;
+pub use model::{MAX_MODEL_BYTES, Model};
 pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
 pub use repository::Repository;
 pub use serve::{Server, serve};

@@ -1,7 +1,8 @@
 //! A model: one checked ONNX file with its card and digest.
 
 use std::fmt::Write as _;
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use ort::session::Session;
@@ -12,6 +13,9 @@ use thiserror::Error;
 
 use crate::check::CheckError;
 use crate::onnx_file::{Axis, OnnxFile, OnnxFileError, Tensor};
+
+/// Bytes that a model's file may have, unless somebody says otherwise.
+pub const MAX_MODEL_BYTES: u64 = 1 << 30;
 
 /// A model whose file is whole, has a card, and whose graph's inputs and outputs are what the card promises.
 #[derive(Clone, Debug)]
@@ -48,6 +52,14 @@ pub enum ModelProblem {
     /// It cannot be read.
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
+    /// It is larger than a model may be; nothing beyond that has been read.
+    #[error("has {found} bytes, expected at most {max} (max_model_bytes)")]
+    TooLarge {
+        /// Bytes that it has, or has at least where it grew while it was read.
+        found: u64,
+        /// Bytes that it may have.
+        max: u64,
+    },
     /// It is no self-contained ONNX file.
     #[error(transparent)]
     File(#[from] OnnxFileError),
@@ -89,11 +101,10 @@ pub enum SessionError {
 }
 
 impl Model {
-    /// Reads and checks a file that lies in no repository; its name is the card's.
-    pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let fail = |problem| ModelError { path: path.into(), problem };
-        let bytes = fs::read(path).map_err(|error| fail(error.into()))?;
-        Self::from_bytes(bytes).map_err(fail)
+    /// Reads and checks a file of at most `max_bytes` that lies in no repository; its name is the card's.
+    pub fn read(path: &Path, max_bytes: u64) -> Result<Self, ModelError> {
+        let model = read_file(path, max_bytes).and_then(Self::from_bytes);
+        model.map_err(|problem| ModelError { path: path.into(), problem })
     }
 
     /// Checks the bytes of a model's file.
@@ -121,6 +132,20 @@ impl Model {
         runtime::open(&environment, &self.bytes, threads)
             .map_err(|source| SessionError::Load { name: self.name.clone(), source })
     }
+}
+
+/// A file's bytes, if it has at most `max`.
+pub(crate) fn read_file(path: &Path, max: u64) -> Result<Vec<u8>, ModelProblem> {
+    let file = File::open(path)?;
+    let found = file.metadata()?.len();
+    if found > max {
+        return Err(ModelProblem::TooLarge { found, max });
+    }
+    let mut bytes = Vec::with_capacity(found as usize);
+    // It may grow while it is read.
+    file.take(max.saturating_add(1)).read_to_end(&mut bytes)?;
+    let found = bytes.len() as u64;
+    if found > max { Err(ModelProblem::TooLarge { found, max }) } else { Ok(bytes) }
 }
 
 /// SHA-256 of a file's bytes, in hexadecimal.

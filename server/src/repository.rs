@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::model::{Model, ModelError};
+use crate::model::{MAX_MODEL_BYTES, Model, ModelError};
 
 /// Name of the file in a version's directory.
 pub const MODEL_FILE: &str = "model.onnx";
@@ -17,6 +17,7 @@ pub const MAX_NAME_LENGTH: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Repository {
     root: PathBuf,
+    max_model_bytes: u64,
 }
 
 /// A model that the repository does not give.
@@ -54,9 +55,20 @@ pub enum RepositoryError {
 }
 
 impl Repository {
-    /// A repository in this folder.
+    /// A repository in this folder, whose files may have [`MAX_MODEL_BYTES`].
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into() }
+        Self { root: root.into(), max_model_bytes: MAX_MODEL_BYTES }
+    }
+
+    /// The same with another bound on a file's bytes.
+    #[must_use]
+    pub fn with_max_model_bytes(self, max_model_bytes: u64) -> Self {
+        Self { max_model_bytes, ..self }
+    }
+
+    /// Bytes that a file may have.
+    pub fn max_model_bytes(&self) -> u64 {
+        self.max_model_bytes
     }
 
     /// The folder.
@@ -91,7 +103,7 @@ impl Repository {
         if !versions.contains(&version) {
             return Err(RepositoryError::UnknownVersion { name: name.into(), version, known: versions });
         }
-        let mut model = Model::read(&self.path(name, version))?;
+        let mut model = Model::read(&self.path(name, version), self.max_model_bytes)?;
         (model.name, model.version) = (name.into(), Some(version));
         Ok(model)
     }

@@ -113,7 +113,7 @@ fn read_models(
     end: &CancellationToken,
 ) -> Result<(Arc<Catalogue>, Arc<Loader>), ServeError> {
     let canaries = Canaries::new(&config.canaries)?;
-    let repository = Repository::new(&config.models);
+    let repository = Repository::new(&config.models).with_max_model_bytes(config.max_model_bytes);
     let source = Source { repository, check: config.check.clone(), stop: end.clone() };
     let read = || {
         if source.repository.versions(&config.default_model)?.is_empty() {

@@ -35,7 +35,7 @@ impl Source {
     ) -> Result<Arc<Offer>, RepositoryError> {
         let path = self.repository.path(name, version);
         let read = || {
-            let bytes = fs::read(&path)?;
+            let bytes = model::read_file(&path, self.repository.max_model_bytes())?;
             if let Some(offer) = offered.filter(|offer| offer.model.digest == model::digest(&bytes)) {
                 return Ok(Arc::clone(offer));
             }

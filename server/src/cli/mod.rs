@@ -17,7 +17,7 @@ use crate::check;
 use crate::convert::{self, Conversion};
 use crate::generator::{self, Chance};
 use crate::inspect;
-use crate::model::Model;
+use crate::model::{MAX_MODEL_BYTES, Model};
 use crate::repository::Repository;
 use log::LogOptions;
 use serve::Serve;
@@ -61,6 +61,9 @@ struct Convert {
     /// Folder of models.
     #[arg(long, env = "REALBEAM_MODELS", default_value = "models")]
     models: PathBuf,
+    /// Bytes that a model's file may have; a larger one is not read.
+    #[arg(long, env = "REALBEAM_MAX_MODEL_BYTES", default_value_t = MAX_MODEL_BYTES)]
+    max_model_bytes: u64,
     /// Version of the model [default: the newest].
     #[arg(long)]
     model_version: Option<u64>,
@@ -98,6 +101,9 @@ struct ModelChoice {
     /// Folder of models.
     #[arg(long, env = "REALBEAM_MODELS", default_value = "models")]
     models: PathBuf,
+    /// Bytes that a model's file may have; a larger one is not read.
+    #[arg(long, env = "REALBEAM_MAX_MODEL_BYTES", default_value_t = MAX_MODEL_BYTES)]
+    max_model_bytes: u64,
     /// Version of the model [default: the newest].
     #[arg(long)]
     model_version: Option<u64>,
@@ -158,7 +164,12 @@ impl Cli {
 impl Convert {
     fn run(self) -> anyhow::Result<()> {
         self.log.start();
-        let choice = ModelChoice { model: self.model, models: self.models, model_version: self.model_version };
+        let choice = ModelChoice {
+            model: self.model,
+            models: self.models,
+            max_model_bytes: self.max_model_bytes,
+            model_version: self.model_version,
+        };
         let carla_tags = match self.tags {
             Tags::Until0913 => CarlaTags::Until0913,
             Tags::Since0914 => CarlaTags::Since0914,
@@ -188,9 +199,9 @@ impl ModelChoice {
     fn read(&self) -> anyhow::Result<Model> {
         let path = Path::new(&self.model);
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("onnx")) {
-            return Ok(Model::read(path)?);
+            return Ok(Model::read(path, self.max_model_bytes)?);
         }
-        let repository = Repository::new(&self.models);
+        let repository = Repository::new(&self.models).with_max_model_bytes(self.max_model_bytes);
         repository.read(&self.model, self.model_version).with_context(|| format!("in folder {}", self.models.display()))
     }
 }

@@ -18,6 +18,7 @@ use crate::check::CheckOptions;
 use crate::config::{
     ADMIN_TOKEN_VARIABLE, AdminOptions, Config, ConnectionLimits, RequestLimits, StopOptions, TOKEN_VARIABLE,
 };
+use crate::model::MAX_MODEL_BYTES;
 use crate::serve::serve;
 use crate::tls::TlsFiles;
 use crate::token::Token;
@@ -40,6 +41,9 @@ pub(super) struct Serve {
     /// Folder of models: <NAME>/<VERSION>/model.onnx.
     #[arg(long, env = "REALBEAM_MODELS", default_value = "models")]
     models: PathBuf,
+    /// Bytes that a model's file may have; a larger one is not read.
+    #[arg(long, env = "REALBEAM_MAX_MODEL_BYTES", default_value_t = MAX_MODEL_BYTES)]
+    max_model_bytes: u64,
     /// Model that is used where a request names none.
     #[arg(long, env = "REALBEAM_DEFAULT_MODEL", default_value = "hdl64e")]
     default_model: String,
@@ -164,6 +168,7 @@ impl Serve {
         );
         Ok(Config {
             models: self.models,
+            max_model_bytes: self.max_model_bytes,
             default_model: self.default_model,
             addr: self.addr,
             socket_mode: self.socket_mode,

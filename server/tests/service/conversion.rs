@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use lidar::formats::{self, Format, Limits};
 use server::convert::{ConvertError, seed_of_file};
-use server::{Chance, Conversion, Model, Noise, convert};
+use server::{Chance, Conversion, MAX_MODEL_BYTES, Model, Noise, convert};
 
 use crate::support::{Result, Service, bin, data, scan};
 
 fn conversion() -> Result<Conversion> {
-    let model = Model::read(&data().join("models/passthrough/2/model.onnx"))?;
+    let model = Model::read(&data().join("models/passthrough/2/model.onnx"), MAX_MODEL_BYTES)?;
     let chance = Chance { seed: 5, noise: Noise::Drawn };
     Ok(Conversion { model: Arc::new(model), chance, frame: None, limits: Limits::default(), threads: 1 })
 }

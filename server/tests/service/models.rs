@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use server::Model;
+use server::{Config, MAX_MODEL_BYTES, Model};
 use sha2::{Digest, Sha256};
 
 use crate::support::{Result, Service, config, data};
@@ -48,7 +48,10 @@ fn health_and_metadata_follow_the_open_inference_protocol() -> Result {
 
 #[test]
 fn files_that_break_the_contract_are_refused_with_what_is_wrong() {
-    let problem = |file: &str| Model::read(&data().join("refused").join(file)).map_err(|e| e.problem.to_string()).err();
+    let problem = |file: &str| {
+        let read = Model::read(&data().join("refused").join(file), MAX_MODEL_BYTES);
+        read.map_err(|error| error.problem.to_string()).err()
+    };
     for (file, words) in [
         ("no-card.onnx", "has no card: metadata property `realbeam` is missing"),
         (
@@ -90,5 +93,37 @@ fn a_service_does_not_start_on_a_model_that_is_damaged_or_not_there() -> Result 
     assert!(error.starts_with(&format!("model {}: graph and card disagree: ", file.display())), "{error}");
     config.default_model = "hdl64e".into();
     assert!(Service::with(&config).err().is_some_and(|e| e.to_string() == "no model `hdl64e`; there are: bad, good"));
+    Ok(())
+}
+
+#[test]
+fn a_file_larger_than_a_model_may_be_is_not_read() -> Result {
+    let folder = tempfile::tempdir()?;
+    let version = folder.path().join("street/1");
+    fs::create_dir_all(&version)?;
+    let file = version.join("model.onnx");
+    let bytes = fs::copy(data().join("models/passthrough/2/model.onnx"), &file)?;
+    let mut config = config()?;
+    (config.models, config.default_model) = (folder.path().into(), "street".into());
+    config.max_model_bytes = bytes;
+    drop(Service::with(&config)?);
+    let refused = |config: &Config| Service::with(config).err().map(|error| error.to_string()).unwrap_or_default();
+    let place = format!("model {}: has", file.display());
+    config.max_model_bytes = bytes - 1;
+    let expected = format!("{place} {bytes} bytes, expected at most {} (max_model_bytes)", bytes - 1);
+    assert_eq!(refused(&config), expected);
+    // More than any memory, were it read; on the disk it is only said to be so large.
+    let bytes = 1_u64 << 36;
+    fs::File::create(&file)?.set_len(bytes)?;
+    config.max_model_bytes = MAX_MODEL_BYTES;
+    assert_eq!(refused(&config), format!("{place} {bytes} bytes, expected at most 1073741824 (max_model_bytes)"));
+    let error = Model::read(&file, 7).map_err(|error| error.to_string()).err();
+    assert_eq!(error, Some(format!("{place} {bytes} bytes, expected at most 7 (max_model_bytes)")));
+    // A file that has no length of its own ends where a model may not go on.
+    #[cfg(target_os = "linux")]
+    assert!(
+        Model::read("/dev/zero".as_ref(), 1000).is_err_and(|error| error.to_string().contains("has 1001 bytes")),
+        "an endless file"
+    );
     Ok(())
 }

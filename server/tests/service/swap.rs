@@ -206,6 +206,14 @@ fn a_model_that_does_not_pass_is_refused_with_the_reason_and_the_old_one_serves_
         assert_eq!(count, Some((number + 1).to_string()));
         fs::remove_dir_all(folder.dir("street", "2"))?;
     }
+    // What is too large is not even read for the check: no file of this length fits into memory.
+    let path = folder.publish("street", 2, &[])?;
+    fs::File::create(&path)?.set_len(1 << 36)?;
+    let error = service.load("street")?.error()?.error;
+    let words = "has 68719476736 bytes, expected at most 1073741824 (max_model_bytes)";
+    assert_eq!(error, format!("model {}: {words}", path.display()));
+    assert!(service.scan("?seed=7", &[], &body)?.success()? == expected);
+    fs::remove_dir_all(folder.dir("street", "2"))?;
     // The same file without what was wrong with it.
     folder.publish("street", 2, &whole)?;
     service.load("street")?.success()?;
