@@ -33,6 +33,7 @@ pub(crate) struct Metrics {
     rejected: Family<[Label<String>; 1], Counter>,
     points: Family<[Label<&'static str>; 1], Counter>,
     nonfinite_points: Counter,
+    connections: Gauge,
     refused_connections: Counter,
     loads: Loads,
 }
@@ -47,6 +48,7 @@ impl Metrics {
             rejected: Family::default(),
             points: Family::default(),
             nonfinite_points: Counter::default(),
+            connections: Gauge::default(),
             refused_connections: Counter::default(),
             loads: Loads::default(),
             registry: Registry::default(),
@@ -64,6 +66,7 @@ impl Metrics {
         registry.register("points", "Points of scans, in and out", metrics.points.clone());
         let help = "Points of scans that are NaN or infinite";
         registry.register("nonfinite_points", help, metrics.nonfinite_points.clone());
+        registry.register("connections", "Connections open, on all listeners", metrics.connections.clone());
         let help = "Connections closed because there were too many";
         registry.register("refused_connections", help, metrics.refused_connections.clone());
         let help = "Attempts to load a model, by model and outcome";
@@ -94,6 +97,11 @@ impl Metrics {
         points("in", fit.report.points_in);
         points("out", fit.kept + fit.added);
         self.nonfinite_points.inc_by(fit.report.non_finite as u64);
+    }
+
+    /// The number of connections that are open.
+    pub(crate) fn connections(&self) -> Gauge {
+        self.connections.clone()
     }
 
     /// The count of connections that were not let in.

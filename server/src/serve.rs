@@ -89,8 +89,13 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let admin_addr = admin_listener.as_ref().and_then(|(_, addr)| addr.tcp());
 
     let app = Arc::new(App::new(catalogue, metrics, config, end.clone()));
-    let guests =
-        |router, tls| Guests { router, limits: config.connections, refused: app.metrics.refused_connections(), tls };
+    let guests = |router, tls| Guests {
+        router,
+        limits: config.connections,
+        open: app.metrics.connections(),
+        refused: app.metrics.refused_connections(),
+        tls,
+    };
     let router = http::router(Arc::clone(&app), config.page, config.token.clone());
     let serving = listen(listener, guests(router, tls), end.clone());
     let admin = admin_listener.zip(config.admin.clone()).map(|((listener, _), admin)| {

@@ -12,7 +12,8 @@ use std::time::Duration;
 
 use axum::Router;
 use prometheus_client::metrics::counter::Counter;
-use tokio::sync::Semaphore;
+use prometheus_client::metrics::gauge::Gauge;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
 use tokio_util::sync::CancellationToken;
@@ -29,16 +30,24 @@ const BREATHER: Duration = Duration::from_millis(200);
 pub(crate) struct Guests {
     pub(crate) router: Router,
     pub(crate) limits: ConnectionLimits,
+    /// The number of those that are open.
+    pub(crate) open: Gauge,
     /// Counts those that were one too many.
     pub(crate) refused: Counter,
     /// Shakes hands with each one first.
     pub(crate) tls: Option<TlsAcceptor>,
 }
 
+/// A connection's place among those that are open; given back when dropped.
+struct Place {
+    open: Gauge,
+    _permit: OwnedSemaphorePermit,
+}
+
 /// Serves connections until `stop`, then until the last request under way is answered.
 pub(crate) async fn listen(
     listener: Listener,
-    Guests { router, limits, refused, tls }: Guests,
+    Guests { router, limits, open, refused, tls }: Guests,
     stop: CancellationToken,
 ) {
     let (connections, places) = (TaskTracker::new(), Arc::new(Semaphore::new(limits.max)));
@@ -54,7 +63,8 @@ pub(crate) async fn listen(
                 continue;
             }
         };
-        if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
+        if let Ok(permit) = Arc::clone(&places).try_acquire_owned() {
+            let place = Place::take(&open, permit);
             let (router, stop, tls) = (router.clone(), stop.clone(), tls.clone());
             connections.spawn(async move {
                 match tls {
@@ -78,6 +88,19 @@ pub(crate) async fn listen(
     drop(listener);
     connections.close();
     connections.wait().await;
+}
+
+impl Place {
+    fn take(open: &Gauge, permit: OwnedSemaphorePermit) -> Self {
+        open.inc();
+        Self { open: open.clone(), _permit: permit }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.open.dec();
+    }
 }
 
 /// The connection within a connection; `None` for a client that does not speak TLS, or takes longer than for a request's headers.

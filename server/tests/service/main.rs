@@ -20,4 +20,5 @@ mod swap;
 mod tls;
 mod token;
 mod unix_socket;
+mod vanish;
 mod views;

@@ -43,6 +43,7 @@ fn what_was_asked_and_answered_is_counted() -> Result {
         (r#"realbeam_points_total{dir="in"}"#, 5760.0),
         (r#"realbeam_points_total{dir="out"}"#, kept as f64),
         ("realbeam_nonfinite_points_total", 2.0),
+        ("realbeam_connections", 1.0),
         ("realbeam_inflight_bytes", 0.0),
         (r#"realbeam_queue_depth{name="passthrough",version="2"}"#, 0.0),
         (&format!(r#"realbeam_model_info{{model="passthrough",version="2",digest="{digest}"}}"#), 1.0),
