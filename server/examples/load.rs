@@ -31,7 +31,7 @@ fn main() -> Result {
         addr: "127.0.0.1:0".parse()?,
         workers: WorkerOptions {
             workers: argument(5, "1").parse()?,
-            threads: argument(6, &threads.to_string()).parse()?,
+            threads: argument(6, &threads.to_string()).parse::<usize>()?.into(),
             queue: argument(4, "1").parse()?,
         },
         ..Config::default()

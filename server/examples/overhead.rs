@@ -27,7 +27,7 @@ fn main() -> Result {
         models,
         default_model,
         addr: "127.0.0.1:0".parse()?,
-        workers: WorkerOptions { workers: 1, threads, queue: 4 },
+        workers: WorkerOptions { workers: 1, threads: threads.into(), queue: 4 },
         ..Config::default()
     })?;
     let body = formats::encode(Format::Kitti, &street()?)?;

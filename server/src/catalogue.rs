@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock};
 use std::thread::available_parallelism;
 
+use runtime::Threads;
 use thiserror::Error;
 use tokio::sync::OnceCell;
 
@@ -23,7 +24,7 @@ pub struct WorkerOptions {
     /// Worker threads a model, each with a session of its own.
     pub workers: usize,
     /// Threads within an operator, for each worker.
-    pub threads: usize,
+    pub threads: Threads,
     /// Scans that may wait for a worker.
     pub queue: usize,
 }
@@ -175,6 +176,6 @@ impl Drop for Offer {
 
 impl Default for WorkerOptions {
     fn default() -> Self {
-        Self { workers: 1, threads: available_parallelism().map_or(1, usize::from), queue: 32 }
+        Self { workers: 1, threads: available_parallelism().map_or(1, usize::from).into(), queue: 32 }
     }
 }

@@ -5,6 +5,7 @@ use lidar::ray_drop::uniform;
 use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 use proto::card::tensor;
+use runtime::Threads;
 use thiserror::Error;
 
 use crate::model::{Model, SessionError};
@@ -65,8 +66,8 @@ pub enum InferenceError {
 }
 
 impl Generator {
-    /// Loads a model, with `threads` threads within an operator.
-    pub(crate) fn new(model: &Model, threads: usize) -> Result<Self, SessionError> {
+    /// Loads a model, with `threads` within an operator.
+    pub(crate) fn new(model: &Model, threads: impl Into<Threads>) -> Result<Self, SessionError> {
         let sensor = &model.card.sensor;
         Ok(Self {
             session: model.session(threads)?,

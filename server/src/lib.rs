@@ -46,6 +46,7 @@ pub use generator::{Chance, Noise};
 pub use model::{MAX_MODEL_BYTES, Model};
 pub use pipeline::{Pipeline, ScanAnswer, ScanJob};
 pub use repository::Repository;
+pub use runtime::Threads;
 pub use serve::{Server, serve};
 pub use tls::TlsFiles;
 pub use token::Token;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use ort::session::Session;
 use proto::card::{self, Card, tensor};
-use runtime::RuntimeError;
+use runtime::{RuntimeError, Threads};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
@@ -126,8 +126,8 @@ impl Model {
         })
     }
 
-    /// Loads the model into ONNX Runtime, with `threads` threads within an operator.
-    pub fn session(&self, threads: usize) -> Result<Session, SessionError> {
+    /// Loads the model into ONNX Runtime, with `threads` within an operator.
+    pub fn session(&self, threads: impl Into<Threads>) -> Result<Session, SessionError> {
         let environment = runtime::environment()?;
         runtime::open(&environment, &self.bytes, threads)
             .map_err(|source| SessionError::Load { name: self.name.clone(), source })

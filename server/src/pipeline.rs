@@ -10,6 +10,7 @@ use lidar::projection::{ProjectionError, Report};
 use lidar::{EmptyRays, PointCloud, Projection, Projector, RangeImage};
 use proto::open_inference::Tensor;
 use proto::{Form, Frame};
+use runtime::Threads;
 use thiserror::Error;
 
 use crate::coverage::Coverage;
@@ -140,8 +141,8 @@ pub enum PipelineError {
 }
 
 impl Pipeline {
-    /// Loads a model, with `threads` threads within an operator, and tries it on an empty scan.
-    pub fn new(model: &Arc<Model>, threads: usize) -> Result<Self, PipelineError> {
+    /// Loads a model, with `threads` within an operator, and tries it on an empty scan.
+    pub fn new(model: &Arc<Model>, threads: impl Into<Threads>) -> Result<Self, PipelineError> {
         let sensor = &model.card.sensor;
         let mut generator = Generator::new(model, threads)?;
         generator.fill(&RangeImage::empty(sensor.rings().len(), sensor.columns()), Chance::default());

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use clap::Args;
+use runtime::Threads;
 
 use super::log::LogOptions;
 use super::{cores, positive};
@@ -72,6 +73,9 @@ pub(super) struct Serve {
     /// Threads within an operator, for each worker [default: all cores].
     #[arg(long, env = "REALBEAM_THREADS", value_parser = positive)]
     threads: Option<usize>,
+    /// Those threads spin while they wait for work: faster where nothing else runs on this machine, much slower where something does.
+    #[arg(long, env = "REALBEAM_SPIN", value_parser = clap::builder::BoolishValueParser::new())]
+    spin: bool,
     /// Scans that may wait for a worker before others are turned away with 429.
     #[arg(long, env = "REALBEAM_QUEUE", default_value_t = WorkerOptions::default().queue, value_parser = positive)]
     queue: usize,
@@ -177,7 +181,7 @@ impl Serve {
             page: !self.no_ui,
             workers: WorkerOptions {
                 workers: self.workers,
-                threads: self.threads.unwrap_or_else(cores),
+                threads: Threads { number: self.threads.unwrap_or_else(cores), spin: self.spin },
                 queue: self.queue,
             },
             check: CheckOptions { program: None, memory_bytes: self.check_memory_bytes, time: self.check_time_s },
@@ -251,6 +255,15 @@ mod tests {
         for wrong in ["", "8", "060", "1777", "-600", "rw"].map(Into::into).into_iter().chain(decimal) {
             assert!(socket_mode(&wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn threads_spin_only_where_somebody_says_so() -> anyhow::Result<()> {
+        let threads =
+            |arguments: &[&str]| anyhow::Ok(Alone::parse_from(arguments).serve.into_config()?.workers.threads);
+        assert_eq!(threads(&["serve", "--threads=3"])?, Threads { number: 3, spin: false });
+        assert_eq!(threads(&["serve", "--threads=3", "--spin"])?, Threads { number: 3, spin: true });
+        Ok(())
     }
 
     #[test]

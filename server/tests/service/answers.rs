@@ -3,14 +3,14 @@
 use std::thread;
 
 use lidar::formats::{self, Format};
-use server::WorkerOptions;
+use server::{Threads, WorkerOptions};
 
 use crate::support::{Answer, Result, Service, bin, config, scan};
 
 #[test]
 fn one_seed_gives_one_answer_whatever_else_runs() -> Result {
     let mut config = config()?;
-    config.workers = WorkerOptions { workers: 2, threads: 2, ..config.workers };
+    config.workers = WorkerOptions { workers: 2, threads: 2.into(), ..config.workers };
     let service = Service::with(&config)?;
     let body = bin()?;
     let expected = service.scan("?seed=7", &[], &body)?.success()?;
@@ -36,6 +36,8 @@ fn one_seed_gives_one_answer_whatever_else_runs() -> Result {
     }
     // Another process may have other threads; one thread gives the same.
     assert!(Service::start()?.scan("?seed=7", &[], &body)?.success()? == expected);
+    config.workers.threads = Threads { number: 2, spin: true };
+    assert!(Service::with(&config)?.scan("?seed=7", &[], &body)?.success()? == expected);
     Ok(())
 }
 
