@@ -1,29 +1,49 @@
 //! More scans than the service can take: arrivals at a multiple of its capacity, whatever becomes of them, as a crowd of clients would.
 //!
-//!     cargo run --release -p server --example load -- [MODELS] [MODEL] [TIMES CAPACITY] [SECONDS] [QUEUE] [WORKERS] [THREADS]
+//!     cargo run --release -p server --example load -- [MODELS] [MODEL] [TIMES CAPACITY] [SECONDS] [QUEUE] [WORKERS] [THREADS] [NICE]
 //!
-//! Prints how long answers took before and under the load, how long refusals took, and what memory the process had (client included).
+//! Prints how long answers took before and under the load, how long refusals took, what processor time they cost by thread, and what
+//! memory the service had. The clients are a process of their own, as nice as NICE (0 to 19) says: 19 is the nearest that one machine
+//! comes to clients that have another.
+
+#[path = "shared/figures.rs"]
+mod figures;
+#[path = "shared/memory.rs"]
+mod memory;
+#[path = "shared/processor.rs"]
+mod processor;
+#[path = "shared/street.rs"]
+mod street;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::process::{Child, Command};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use lidar::PointCloud;
+use figures::{median, quantile};
+use lidar::Sensor;
 use lidar::formats::{self, Format};
+use memory::resident_bytes;
 use server::{Config, WorkerOptions, serve};
 
 /// Few points, so that the clients do not need what the service should have: the model's own run is that of its whole grid.
 const POINTS: usize = 4000;
 const CLIENTS: usize = 96;
 
+/// First argument of the process that asks.
+const CROWD: &str = "crowd";
+
 type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let argument = |i: usize, default: &str| arguments.get(i).cloned().unwrap_or_else(|| default.into());
-    let (times, seconds): (f64, f64) = (argument(2, "10").parse()?, argument(3, "60").parse()?);
+    if argument(0, "") == CROWD {
+        return crowd(&argument(1, ""), argument(2, "").parse()?, argument(3, "").parse()?);
+    }
+    let (times, seconds) = (argument(2, "10"), argument(3, "60"));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let server = serve(&Config {
         models: PathBuf::from(argument(0, "models")),
@@ -36,25 +56,53 @@ fn main() -> Result {
         },
         ..Config::default()
     })?;
-    let url = format!("http://{}/v1/scan", server.addr());
-    let body = formats::encode(Format::Kitti, &street())?;
+    let this = std::process::id();
+    let (before_mib, cpu_before) = (resident_bytes(this)? / f64::from(1 << 20), processor::taken_by_thread_s()?);
+    let mut command = Command::new("nice");
+    command.arg("-n").arg(argument(7, "0")).arg(std::env::current_exe()?).arg(CROWD);
+    let mut crowd = command.arg(format!("http://{}/v1/scan", server.addr())).arg(times).arg(seconds).spawn()?;
+    let largest_mib = watch(&mut crowd)?.max(before_mib);
+    println!("processor time of the service's threads, by name:");
+    for (name, seconds) in processor::taken_by_thread_s()? {
+        println!("  {name}: {:.1} s", seconds - cpu_before.get(&name).copied().unwrap_or_default());
+    }
+    println!("memory: {before_mib:.0} MiB before, {largest_mib:.0} at most");
+    server.stop()?;
+    Ok(())
+}
+
+/// Waits until the crowd has gone; the largest memory of this process meanwhile, in MiB.
+fn watch(crowd: &mut Child) -> Result<f64> {
+    let mut largest: f64 = 0.0;
+    loop {
+        largest = largest.max(resident_bytes(std::process::id())? / f64::from(1 << 20));
+        match crowd.try_wait()? {
+            Some(status) if status.success() => return Ok(largest),
+            Some(status) => return Err(format!("the clients ended with {status}").into()),
+            None => std::thread::sleep(Duration::from_secs(1)),
+        }
+    }
+}
+
+/// The clients.
+fn crowd(url: &str, times: f64, seconds: f64) -> Result {
+    let body = formats::encode(Format::Kitti, &street::street(&Sensor::builtin("hdl64e")?, POINTS))?;
     let ask = |agent: &ureq::Agent| -> Result<(u16, f64)> {
         let started = Instant::now();
-        let mut answer = agent.post(&url).content_type("application/octet-stream").send(&body)?;
+        let mut answer = agent.post(url).content_type("application/octet-stream").send(&body)?;
         answer.body_mut().read_to_vec()?;
         Ok((answer.status().as_u16(), started.elapsed().as_secs_f64() * 1e3))
     };
-
     let agent = agent();
     for _ in 0..10 {
         ask(&agent)?;
     }
-    let mut alone = (0..60).map(|_| Ok(ask(&agent)?.1)).collect::<Result<Vec<f64>>>()?;
+    let alone = (0..100).map(|_| Ok(ask(&agent)?.1)).collect::<Result<Vec<f64>>>()?;
     let capacity = 1e3 * alone.len() as f64 / alone.iter().sum::<f64>();
-    let (every, before_mib) = (Duration::from_secs_f64(1.0 / (times * capacity)), resident_mib()?);
+    let every = Duration::from_secs_f64(1.0 / (times * capacity));
 
     let (started, next) = (Instant::now(), AtomicUsize::new(0));
-    let (answers, largest_mib) = (Mutex::new(BTreeMap::<u16, Vec<f64>>::new()), Mutex::new(before_mib));
+    let answers = Mutex::new(BTreeMap::<u16, Vec<f64>>::new());
     std::thread::scope(|scope| {
         for _ in 0..CLIENTS {
             scope.spawn(|| {
@@ -74,60 +122,18 @@ fn main() -> Result {
                 }
             });
         }
-        scope.spawn(|| {
-            while started.elapsed().as_secs_f64() < seconds {
-                if let (Ok(now), Ok(mut largest)) = (resident_mib(), largest_mib.lock()) {
-                    *largest = now.max(*largest);
-                }
-                std::thread::sleep(Duration::from_millis(100));
-            }
-        });
     });
-
-    let (half, most) = quantiles(&mut alone);
-    println!("alone: {capacity:.1} scans/s; p50 {half:.1} ms, p99 {most:.1} ms");
+    println!("alone: {capacity:.1} scans/s; p50 {:.1} ms, p99 {:.1} ms", median(&alone), quantile(&alone, 0.99));
     println!("{times} times that for {seconds} s:");
-    for (status, mut ms) in answers.into_inner()? {
-        let n = ms.len();
-        let (half, most) = quantiles(&mut ms);
-        println!("  {status}: {n}, {:.1} a second; p50 {half:.1} ms, p99 {most:.1} ms", n as f64 / seconds);
+    for (status, ms) in answers.into_inner()? {
+        let (half, most) = (median(&ms), quantile(&ms, 0.99));
+        let rate = ms.len() as f64 / seconds;
+        println!("  {status}: {}, {rate:.1} a second; p50 {half:.1} ms, p99 {most:.1} ms", ms.len());
     }
-    println!(
-        "memory: {before_mib:.0} MiB before, {:.0} at most, {:.0} after",
-        largest_mib.into_inner()?,
-        resident_mib()?
-    );
+    println!("processor time of the clients: {:.1} s", processor::taken_s().unwrap_or_default());
     Ok(())
 }
 
 fn agent() -> ureq::Agent {
     ureq::Agent::config_builder().http_status_as_error(false).build().into()
-}
-
-/// Median and 99th percentile.
-fn quantiles(values: &mut [f64]) -> (f64, f64) {
-    values.sort_by(f64::total_cmp);
-    let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
-    (at(0.5), at(0.99))
-}
-
-/// Memory of this process.
-fn resident_mib() -> Result<f64> {
-    let status = std::fs::read_to_string("/proc/self/status")?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).ok_or("no VmRSS")?;
-    Ok(line.trim().trim_end_matches("kB").trim().parse::<f64>()? / 1024.0)
-}
-
-/// Points around the sensor, 10 to 60 m away.
-fn street() -> PointCloud {
-    let mut cloud = PointCloud::new(1.0);
-    for i in 0..POINTS {
-        let (turn, up) = (i as f32 * 0.37, (i % 64) as f32 / 64.0 * -0.4);
-        let range_m = 10.0 + (i * 7 % 50) as f32;
-        cloud.x.push(range_m * turn.cos() * up.cos());
-        cloud.y.push(range_m * turn.sin() * up.cos());
-        cloud.z.push(range_m * up.sin());
-        cloud.intensity.push(0.3);
-    }
-    cloud
 }

@@ -25,7 +25,7 @@ pub struct WorkerOptions {
     pub workers: usize,
     /// Threads within an operator, for each worker.
     pub threads: Threads,
-    /// Scans that may wait for a worker.
+    /// Scans that may wait while all workers have one; 0 turns away whoever would have to wait.
     pub queue: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Figures of many measurements, and of a process.
+//! Figures of many measurements.
 
 /// The value below which such a share of the values lies; NaN where there are none.
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
@@ -11,11 +11,4 @@ pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
 /// The value in the middle.
 pub(crate) fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
-}
-
-/// Memory that a process has of the machine's, in bytes, page by page (`VmRSS` of `/proc/PID/status` lags behind).
-pub(crate) fn resident_bytes(process: u32) -> Result<f64, Box<dyn std::error::Error>> {
-    let maps = std::fs::read_to_string(format!("/proc/{process}/smaps_rollup"))?;
-    let line = maps.lines().find_map(|line| line.strip_prefix("Rss:")).ok_or("no Rss")?;
-    Ok(line.trim().trim_end_matches("kB").trim().parse::<f64>()? * 1024.0)
 }

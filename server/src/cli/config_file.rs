@@ -120,7 +120,8 @@ mod tests {
         let unknown = problem("quue = 7");
         assert!(unknown.starts_with("key `quue` is unknown; there are log_format, log_filter, models,"), "{unknown}");
         assert!(problem("config = 'other.toml'").starts_with("key `config` is unknown"), "a file names no other file");
-        assert!(problem("queue = 0").contains("invalid value '0' for '--queue <QUEUE>'"), "{}", problem("queue = 0"));
+        let workers = problem("workers = 0");
+        assert!(workers.contains("invalid value '0' for '--workers <WORKERS>'"), "{workers}");
         assert!(problem("[queue]").contains("key `queue` is a section"));
         assert!(problem("queue = [[1]]").contains("key `queue` is a list of lists"));
         assert!(problem("queue = ").contains("TOML parse error at line 1"), "{}", problem("queue = "));

@@ -76,8 +76,8 @@ pub(super) struct Serve {
     /// Those threads spin while they wait for work: faster where nothing else runs on this machine, much slower where something does.
     #[arg(long, env = "REALBEAM_SPIN", value_parser = clap::builder::BoolishValueParser::new())]
     spin: bool,
-    /// Scans that may wait for a worker before others are turned away with 429.
-    #[arg(long, env = "REALBEAM_QUEUE", default_value_t = WorkerOptions::default().queue, value_parser = positive)]
+    /// Scans that may wait while all workers have one, before others are turned away with 429; 0: nobody waits.
+    #[arg(long, env = "REALBEAM_QUEUE", default_value_t = WorkerOptions::default().queue)]
     queue: usize,
     /// Share of the streams that gets a version; the others get the newest of the other versions. Once a model, several split by commas
     /// in the environment.

@@ -26,7 +26,7 @@ pub struct Size {
     pub name: String,
     /// Threads.
     pub workers: usize,
-    /// Pieces of work that may wait.
+    /// Pieces of work that may wait while all threads work.
     pub queue: usize,
 }
 
@@ -73,8 +73,9 @@ struct Errand<F, O> {
 /// What a worker needs to know of work.
 trait Work<T>: Send {
     fn is_wanted(&self) -> bool;
-    /// Does the work and sends the output, or the reason why there are no tools. Says whether the tools are still good.
-    fn run(self: Box<Self>, tools: Result<&mut T, PoolError>) -> bool;
+    /// Does the work, says so by `rest`, and sends the output, or the reason why there are no tools: whoever has his answer finds a worker
+    /// with nothing to do. Says whether the tools are still good.
+    fn run(self: Box<Self>, tools: Result<&mut T, PoolError>, rest: &dyn Fn()) -> bool;
 }
 
 impl<T: 'static> Pool<T> {
@@ -84,7 +85,7 @@ impl<T: 'static> Pool<T> {
     where
         E: Send + std::fmt::Display + 'static,
     {
-        let (queue, build) = (Arc::new(Queue::new(size.queue.max(1))), Arc::new(build));
+        let (queue, build) = (Arc::new(Queue::new(size.queue, size.workers.max(1))), Arc::new(build));
         let (ready, built) = mpsc::channel();
         let mut pool = Self { queue, threads: Vec::new() };
         for _ in 0..size.workers.max(1) {
@@ -171,7 +172,7 @@ where
         !self.reply.is_closed()
     }
 
-    fn run(self: Box<Self>, tools: Result<&mut T, PoolError>) -> bool {
+    fn run(self: Box<Self>, tools: Result<&mut T, PoolError>, rest: &dyn Fn()) -> bool {
         let Self { work, queued_at, reply } = *self;
         let queued_for = queued_at.elapsed();
         let has_left = || reply.is_closed();
@@ -180,6 +181,7 @@ where
             catch_unwind(AssertUnwindSafe(|| work(tools, Caller(&has_left)))).map_err(|_| PoolError::Panicked)
         });
         let good = answer.as_ref().err() != Some(&PoolError::Panicked);
+        rest();
         // The caller may have gone meanwhile.
         let _ = reply.send(answer.map(|output| Done { output, queued_for }));
         good
@@ -201,7 +203,7 @@ fn serve<T, E: std::fmt::Display>(queue: &Queue<Order<T>>, mut tools: Option<T>,
                 Err(error) => tracing::error!("a worker could not be rebuilt: {error}"),
             }
         }
-        if !work.run(tools.as_mut().ok_or(PoolError::NotRebuilt)) {
+        if !work.run(tools.as_mut().ok_or(PoolError::NotRebuilt), &|| queue.rest()) {
             tools = None;
         }
     }

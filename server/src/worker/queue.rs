@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Items in the order in which they came. Items that nobody wants any more make room for others.
+/// Items in the order in which they came, as many as may wait and as workers have nothing to do. Items that nobody wants any more make room for others.
 #[derive(Debug)]
 pub(super) struct Queue<T> {
     state: Mutex<State<T>>,
@@ -14,6 +14,8 @@ pub(super) struct Queue<T> {
 #[derive(Debug)]
 struct State<T> {
     items: VecDeque<T>,
+    /// Workers that have nothing to do: each may have an item beyond those that wait.
+    idle: usize,
     closed: bool,
 }
 
@@ -30,9 +32,10 @@ pub(super) trait Wanted {
 }
 
 impl<T: Wanted> Queue<T> {
-    /// A queue in which `room` items may wait.
-    pub(super) fn new(room: usize) -> Self {
-        Self { state: Mutex::new(State { items: VecDeque::new(), closed: false }), not_empty: Condvar::new(), room }
+    /// A queue in which `room` items may wait for so many workers, who have nothing to do yet.
+    pub(super) fn new(room: usize, workers: usize) -> Self {
+        let state = State { items: VecDeque::new(), idle: workers, closed: false };
+        Self { state: Mutex::new(state), not_empty: Condvar::new(), room }
     }
 
     pub(super) fn push(&self, item: T) -> Result<(), Refused> {
@@ -48,12 +51,13 @@ impl<T: Wanted> Queue<T> {
         Ok(())
     }
 
-    /// The next item that is wanted, once there is one; `None` at the end.
+    /// The next item that is wanted, once there is one; `None` at the end. Whoever has it is busy until he [rests](Self::rest).
     pub(super) fn pop(&self) -> Option<T> {
         let mut state = self.lock();
         loop {
             while let Some(item) = state.items.pop_front() {
                 if item.is_wanted() {
+                    state.idle -= 1;
                     return Some(item);
                 }
             }
@@ -62,6 +66,11 @@ impl<T: Wanted> Queue<T> {
             }
             state = self.not_empty.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
+    }
+
+    /// A worker has nothing to do any more.
+    pub(super) fn rest(&self) {
+        self.lock().idle += 1;
     }
 
     /// True if an item would be taken now.
@@ -87,6 +96,7 @@ impl<T: Wanted> Queue<T> {
 
 impl<T: Wanted> State<T> {
     fn has_room(&mut self, room: usize) -> bool {
+        let room = room + self.idle;
         if self.items.len() >= room {
             self.items.retain(T::is_wanted);
         }
@@ -109,7 +119,8 @@ mod tests {
 
     #[test]
     fn items_come_out_in_their_order_and_what_is_not_wanted_does_not_come_out() {
-        let queue = Queue::new(3);
+        // Two wait, and one is for the worker.
+        let queue = Queue::new(2, 1);
         for item in [Item(1, true), Item(2, false), Item(3, true)] {
             assert_eq!(queue.push(item), Ok(()));
         }
@@ -119,7 +130,19 @@ mod tests {
         assert!(!queue.has_room());
         queue.close();
         assert_eq!(queue.push(Item(6, true)), Err(Refused::Closed));
-        let left: Vec<_> = std::iter::from_fn(|| queue.pop()).map(|item| item.0).collect();
+        let left: Vec<_> = std::iter::from_fn(|| queue.pop().inspect(|_| queue.rest())).map(|item| item.0).collect();
         assert_eq!(left, [1, 3, 4]);
+    }
+
+    #[test]
+    fn where_nothing_may_wait_only_a_worker_without_work_takes_an_item() {
+        let queue = Queue::new(0, 1);
+        assert_eq!(queue.push(Item(1, true)), Ok(()));
+        assert_eq!(queue.push(Item(2, true)), Err(Refused::Full), "the worker has not taken the first one yet");
+        assert_eq!(queue.pop(), Some(Item(1, true)));
+        assert_eq!(queue.push(Item(3, true)), Err(Refused::Full), "it is busy");
+        queue.rest();
+        assert_eq!(queue.push(Item(4, true)), Ok(()));
+        assert_eq!(queue.pop(), Some(Item(4, true)));
     }
 }

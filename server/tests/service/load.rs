@@ -62,6 +62,28 @@ fn who_finds_the_queue_full_is_turned_away_and_nobody_fails_otherwise() -> Resul
 }
 
 #[test]
+fn where_nobody_may_wait_whoever_comes_alone_is_answered_all_the_same() -> Result {
+    let mut config = config()?;
+    config.workers.queue = 0;
+    let service = Service::with(&config)?;
+    let body = bin()?;
+    // One after the other, each as soon as the one before is answered; the second model's workers start with its first scan.
+    for i in 0..200 {
+        let query = if i % 2 == 0 { "" } else { "?model=ghosts" };
+        service.scan(query, &[], &body)?.success().map_err(|error| format!("scan {i}: {error}"))?;
+    }
+    let ask = || service.scan(SLOW, &[], &body).map(|answer| answer.status).map_err(|error| error.to_string());
+    let statuses = thread::scope(|scope| {
+        let clients: Vec<_> = (0..8).map(|_| scope.spawn(|| (0..5).map(|_| ask()).collect::<Vec<_>>())).collect();
+        clients.into_iter().flat_map(|client| client.join().unwrap_or_default()).collect::<Vec<_>>()
+    });
+    let statuses = statuses.into_iter().collect::<std::result::Result<Vec<_>, _>>()?;
+    let number = |status: u16| statuses.iter().filter(|found| **found == status).count();
+    assert!(number(200) > 0 && number(429) > 0 && number(200) + number(429) == 40, "{statuses:?}");
+    Ok(())
+}
+
+#[test]
 fn bodies_are_let_in_by_their_announced_length_and_the_others_told_to_wait() -> Result {
     let mut config = config()?;
     (config.requests.max_body_bytes, config.requests.max_inflight_bytes) = (200_000, 300_000);

@@ -92,7 +92,7 @@ fn clients_that_vanish_in_the_middle_of_a_request_leave_every_permit_behind() ->
             let part = Part::ALL[i % Part::ALL.len()];
             heads += usize::from(part == Part::HalfAHead);
             bodies += usize::from(part == Part::HalfABody);
-            let client = Vanishing { part, resets: i / Part::ALL.len() % 2 == 0 };
+            let client = Vanishing { part, resets: (i / Part::ALL.len()).is_multiple_of(2) };
             vanishing.spawn_on(client.ask(addr, Arc::clone(&body), told.clone()), runtime.handle());
         }
         wait_until("half of the clients are in the middle of a request", || {
