@@ -2,8 +2,9 @@
 
 use std::io::{BufRead, BufReader, Write, stdin};
 use std::path::PathBuf;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
+use peak_alloc::PeakAlloc;
 use server::{Config, ConnectionLimits, WorkerOptions, serve};
 
 use crate::Result;
@@ -11,10 +12,15 @@ use crate::Result;
 /// First argument of the process that hosts.
 pub(crate) const WORD: &str = "host";
 
+/// Counts what Rust code allocates; ONNX Runtime has allocators of its own.
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
 /// The hosting process; killed when dropped.
 pub(crate) struct Host {
     child: Child,
     orders: ChildStdin,
+    words: BufReader<ChildStdout>,
     pub(crate) addr: String,
 }
 
@@ -25,10 +31,17 @@ impl Host {
         command.args([WORD, models, model, &leak.to_string()]).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn()?;
         let (orders, said) = (child.stdin.take().ok_or("no stdin")?, child.stdout.take().ok_or("no stdout")?);
-        let mut host = Self { child, orders, addr: String::new() };
-        BufReader::new(said).read_line(&mut host.addr)?;
-        host.addr.truncate(host.addr.trim_end().len());
-        if host.addr.is_empty() { Err("the service did not start".into()) } else { Ok(host) }
+        let mut host = Self { child, orders, words: BufReader::new(said), addr: String::new() };
+        host.addr = host.word()?;
+        Ok(host)
+    }
+
+    /// What it says next.
+    fn word(&mut self) -> Result<String> {
+        let mut word = String::new();
+        self.words.read_line(&mut word)?;
+        word.truncate(word.trim_end().len());
+        if word.is_empty() { Err("the service has ended".into()) } else { Ok(word) }
     }
 
     /// Its process.
@@ -36,10 +49,10 @@ impl Host {
         self.child.id()
     }
 
-    /// Has it lose what it is to lose for so many requests.
-    pub(crate) fn lose(&mut self, requests: usize) -> Result {
+    /// Has it lose what it is to lose for so many requests; the bytes that it has allocated then.
+    pub(crate) fn lose(&mut self, requests: usize) -> Result<f64> {
         writeln!(self.orders, "{requests}")?;
-        Ok(())
+        Ok(self.word()?.parse()?)
     }
 
     /// Ends it in good order.
@@ -57,7 +70,7 @@ impl Drop for Host {
     }
 }
 
-/// Hosts a service, says its address, and loses `leak` bytes for each request that a line of stdin counts.
+/// Hosts a service and says its address. For each request that a line of stdin counts it loses `leak` bytes; then it says how many it has.
 pub(crate) fn run(models: PathBuf, model: &str, leak: usize) -> Result {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let server = serve(&Config {
@@ -75,6 +88,7 @@ pub(crate) fn run(models: PathBuf, model: &str, leak: usize) -> Result {
         for _ in 0..if leak > 0 { requests } else { 0 } {
             std::mem::forget(vec![1_u8; leak]);
         }
+        println!("{}", MEMORY.current_usage());
     }
     server.stop()?;
     Ok(())
