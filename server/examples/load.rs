@@ -1,6 +1,6 @@
 //! More scans than the service can take: arrivals at a multiple of its capacity, whatever becomes of them, as a crowd of clients would.
 //!
-//!     cargo run --release -p server --example load -- [MODELS] [MODEL] [TIMES CAPACITY] [SECONDS] [QUEUE] [WORKERS] [THREADS] [NICE]
+//!     cargo run --release -p server --example load -- [MODELS] [MODEL] [TIMES CAPACITY] [SECONDS] [QUEUE] [WORKERS] [THREADS] [NICE] [BATCH]
 //!
 //! Prints how long answers took before and under the load, how long refusals took, what processor time they cost by thread, and what
 //! memory the service had. The clients are a process of their own, as nice as NICE (0 to 19) says: 19 is the nearest that one machine
@@ -52,6 +52,7 @@ fn main() -> Result {
         workers: WorkerOptions {
             workers: argument(5, "1").parse()?,
             threads: argument(6, &threads.to_string()).parse::<usize>()?.into(),
+            batch: argument(8, "1").parse()?,
             queue: argument(4, "1").parse()?,
         },
         ..Config::default()

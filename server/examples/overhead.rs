@@ -49,7 +49,7 @@ fn main() -> Result {
         models: folder.path().into(),
         default_model: name,
         addr: "127.0.0.1:0".parse()?,
-        workers: WorkerOptions { workers: 1, threads: threads.into(), queue: 4 },
+        workers: WorkerOptions { workers: 1, threads: threads.into(), batch: 1, queue: 4 },
         ..Config::default()
     })?;
     let cloud = street::street(&model.card.sensor, points);

@@ -8,6 +8,7 @@ use runtime::Threads;
 use thiserror::Error;
 use tokio::sync::OnceCell;
 
+use crate::batch::{Batches, Sharing};
 use crate::canary::Canaries;
 use crate::model::Model;
 use crate::pipeline::{Pipeline, PipelineError};
@@ -25,6 +26,8 @@ pub struct WorkerOptions {
     pub workers: usize,
     /// Threads within an operator, for each worker.
     pub threads: Threads,
+    /// Scans that a worker may take at once, to run them as one batch; 1 runs each alone. A model whose file fixes the batch takes one.
+    pub batch: usize,
     /// Scans that may wait while all workers have one; 0 turns away whoever would have to wait.
     pub queue: usize,
 }
@@ -142,9 +145,15 @@ impl Catalogue {
 }
 
 fn start_pool(model: &Arc<Model>, options: WorkerOptions) -> Result<ScanPool, PipelineError> {
-    let size = Size { name: format!("scan-{}", model.name), workers: options.workers, queue: options.queue };
+    let most = if model.takes_batches() { options.batch.max(1) } else { 1 };
+    let size = Size { name: format!("scan-{}", model.name), workers: options.workers * most, queue: options.queue };
     let model = Arc::clone(model);
-    Pool::start(&size, move || Pipeline::new(&model, options.threads))
+    if most == 1 {
+        return Pool::start(&size, move || Pipeline::new(&model, options.threads));
+    }
+    let sharing = Sharing { sessions: options.workers, threads: options.threads, most };
+    let batches = Arc::new(Batches::start(&model, sharing)?);
+    Pool::start(&size, move || Pipeline::sharing(&model, &batches))
 }
 
 impl Offer {
@@ -176,6 +185,6 @@ impl Drop for Offer {
 
 impl Default for WorkerOptions {
     fn default() -> Self {
-        Self { workers: 1, threads: available_parallelism().map_or(1, usize::from).into(), queue: 32 }
+        Self { workers: 1, threads: available_parallelism().map_or(1, usize::from).into(), batch: 1, queue: 32 }
     }
 }

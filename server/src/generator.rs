@@ -1,5 +1,8 @@
 //! The model at work: a session of ONNX Runtime with the memory of its inputs.
 
+use std::mem;
+use std::sync::Arc;
+
 use lidar::RangeImage;
 use lidar::ray_drop::uniform;
 use ort::session::{Session, SessionOutputs};
@@ -8,18 +11,29 @@ use proto::card::tensor;
 use runtime::Threads;
 use thiserror::Error;
 
+use crate::batch::{Batches, Inputs, Values};
 use crate::model::{Model, SessionError};
 
 /// A loaded model and its input tensors.
 #[derive(Debug)]
 pub(crate) struct Generator {
-    session: Session,
+    runs: Runs,
     rings: usize,
     columns: usize,
+    noise_channels: usize,
     /// `[3, ring, column]`
     scan: Vec<f32>,
     /// `[noise channel, ring, column]`
     noise: Vec<f32>,
+}
+
+/// Who runs the graph.
+#[derive(Debug)]
+enum Runs {
+    /// A session of the generator's own.
+    Own(Session),
+    /// Sessions that it shares.
+    Shared(Arc<Batches>),
 }
 
 /// What goes into the graph's `noise` input.
@@ -45,7 +59,12 @@ pub struct Chance {
 pub(crate) const OUTPUTS: [&str; 3] = [tensor::RANGE, tensor::REFLECTANCE, tensor::KEEP];
 
 /// What a run gave, each output `[batch, 1, ring, column]`.
-pub(crate) struct Outputs<'r>(SessionOutputs<'r>);
+pub(crate) enum Outputs<'r> {
+    /// In the memory of ONNX Runtime.
+    Session(SessionOutputs<'r>),
+    /// Taken out of a batch.
+    Taken(Values),
+}
 
 /// A run that failed.
 #[derive(Debug, Error)]
@@ -63,29 +82,45 @@ pub enum InferenceError {
         /// The promised one.
         expected: Vec<i64>,
     },
+    /// The run ended in a panic, its own or that of those it shared it with.
+    #[error("the run panicked")]
+    Panicked,
 }
 
 impl Generator {
     /// Loads a model, with `threads` within an operator.
     pub(crate) fn new(model: &Model, threads: impl Into<Threads>) -> Result<Self, SessionError> {
+        Ok(Self::with(model, Runs::Own(model.session(threads)?)))
+    }
+
+    /// A generator that shares its model's sessions.
+    pub(crate) fn sharing(model: &Model, batches: Arc<Batches>) -> Self {
+        Self::with(model, Runs::Shared(batches))
+    }
+
+    fn with(model: &Model, runs: Runs) -> Self {
         let sensor = &model.card.sensor;
-        Ok(Self {
-            session: model.session(threads)?,
+        Self {
+            runs,
             rings: sensor.rings().len(),
             columns: sensor.columns(),
-            scan: vec![0.0; tensor::SCAN_CHANNELS * sensor.pixels()],
-            noise: vec![0.0; model.card.noise_channels * sensor.pixels()],
-        })
+            noise_channels: model.card.noise_channels,
+            scan: Vec::new(),
+            noise: Vec::new(),
+        }
     }
 
     /// Fills the inputs: the image into `scan`, and into `noise` ½ or numbers that depend on (seed, channel, ring, column) alone. Channel
     /// 0 of the generator decides ray drop, so noise begins with channel 1.
     pub(crate) fn fill(&mut self, image: &RangeImage, chance: Chance) {
+        let pixels = self.rings * self.columns;
+        self.scan.resize(tensor::SCAN_CHANNELS * pixels, 0.0);
+        self.noise.resize(self.noise_channels * pixels, 0.0);
         image.write_tensor(&mut self.scan);
         match chance.noise {
             Noise::Median => self.noise.fill(0.5),
             Noise::Drawn => {
-                for (channel, block) in (1..).zip(self.noise.chunks_mut(self.rings * self.columns)) {
+                for (channel, block) in (1..).zip(self.noise.chunks_mut(pixels)) {
                     uniform(chance.seed, channel, self.columns, block);
                 }
             }
@@ -95,7 +130,15 @@ impl Generator {
     /// Runs the model on what [`fill`](Self::fill) put in.
     pub(crate) fn run(&mut self) -> Result<Outputs<'_>, InferenceError> {
         let size = [1, self.rings, self.columns];
-        run(&mut self.session, size, &self.scan, &self.noise)
+        match &mut self.runs {
+            Runs::Own(session) => run(session, size, &self.scan, &self.noise),
+            Runs::Shared(batches) => {
+                let inputs = Inputs { size, scan: mem::take(&mut self.scan), noise: mem::take(&mut self.noise) };
+                let (inputs, outputs) = batches.run(inputs)?;
+                (self.scan, self.noise) = (inputs.scan, inputs.noise);
+                Ok(Outputs::Taken(outputs))
+            }
+        }
     }
 
     /// Runs the model on tensors of a size `[batch, ring, column]` of its own; `noise` is empty where the model has none.
@@ -105,11 +148,18 @@ impl Generator {
         scan: &[f32],
         noise: &[f32],
     ) -> Result<Outputs<'_>, InferenceError> {
-        run(&mut self.session, size, scan, noise)
+        match &mut self.runs {
+            Runs::Own(session) => run(session, size, scan, noise),
+            Runs::Shared(batches) => {
+                let inputs = Inputs { size, scan: scan.to_vec(), noise: noise.to_vec() };
+                Ok(Outputs::Taken(batches.run(inputs)?.1))
+            }
+        }
     }
 }
 
-fn run<'s>(
+/// Runs a session; `noise` is empty where the model has none.
+pub(crate) fn run<'s>(
     session: &'s mut Session,
     [batch, rings, columns]: [usize; 3],
     scan: &[f32],
@@ -130,12 +180,17 @@ fn run<'s>(
             return Err(InferenceError::Shape { name, found: shape.to_vec(), expected: expected.to_vec() });
         }
     }
-    Ok(Outputs(outputs))
+    Ok(Outputs::Session(outputs))
 }
 
 impl Outputs<'_> {
     /// One output's values.
     pub(crate) fn of(&self, name: &'static str) -> Result<&[f32], InferenceError> {
-        Ok(self.0[name].try_extract_tensor::<f32>()?.1)
+        match self {
+            Self::Session(outputs) => Ok(outputs[name].try_extract_tensor::<f32>()?.1),
+            Self::Taken(values) => {
+                Ok(OUTPUTS.iter().zip(values).find(|(known, _)| **known == name).map_or(&[], |(_, v)| v))
+            }
+        }
     }
 }

@@ -5,6 +5,7 @@
 //! own card. Finding ONNX Runtime itself is the matter of the crate [`runtime`].
 
 pub mod address;
+mod batch;
 mod budget;
 pub mod canary;
 pub mod catalogue;

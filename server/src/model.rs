@@ -126,6 +126,11 @@ impl Model {
         })
     }
 
+    /// True if one run takes several scans.
+    pub(crate) fn takes_batches(&self) -> bool {
+        self.inputs.iter().all(|input| matches!(input.shape.first(), Some(Axis::Dynamic(_))))
+    }
+
     /// Loads the model into ONNX Runtime, with `threads` within an operator.
     pub fn session(&self, threads: impl Into<Threads>) -> Result<Session, SessionError> {
         let environment = runtime::environment()?;

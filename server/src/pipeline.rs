@@ -13,6 +13,7 @@ use proto::{Form, Frame};
 use runtime::Threads;
 use thiserror::Error;
 
+use crate::batch::Batches;
 use crate::coverage::Coverage;
 use crate::generator::{Chance, Generator, InferenceError};
 use crate::model::{Model, SessionError};
@@ -143,8 +144,16 @@ pub enum PipelineError {
 impl Pipeline {
     /// Loads a model, with `threads` within an operator, and tries it on an empty scan.
     pub fn new(model: &Arc<Model>, threads: impl Into<Threads>) -> Result<Self, PipelineError> {
+        Self::with(model, Generator::new(model, threads)?)
+    }
+
+    /// A pipeline that shares its model's sessions with others, tried on an empty scan.
+    pub(crate) fn sharing(model: &Arc<Model>, batches: &Arc<Batches>) -> Result<Self, PipelineError> {
+        Self::with(model, Generator::sharing(model, Arc::clone(batches)))
+    }
+
+    fn with(model: &Arc<Model>, mut generator: Generator) -> Result<Self, PipelineError> {
         let sensor = &model.card.sensor;
-        let mut generator = Generator::new(model, threads)?;
         generator.fill(&RangeImage::empty(sensor.rings().len(), sensor.columns()), Chance::default());
         generator.run().map_err(|source| PipelineError::TrialRun { name: model.name.clone(), source })?;
         Ok(Self {

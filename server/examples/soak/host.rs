@@ -78,7 +78,7 @@ pub(crate) fn run(models: PathBuf, model: &str, leak: usize) -> Result {
         default_model: model.into(),
         addr: "127.0.0.1:0".parse()?,
         // Few places, so that some are turned away.
-        workers: WorkerOptions { workers: 1, threads: threads.into(), queue: 2 },
+        workers: WorkerOptions { workers: 1, threads: threads.into(), batch: 1, queue: 2 },
         connections: ConnectionLimits { max: 32, ..ConnectionLimits::default() },
         ..Config::default()
     })?;

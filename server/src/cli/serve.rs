@@ -76,6 +76,10 @@ pub(super) struct Serve {
     /// Those threads spin while they wait for work: faster where nothing else runs on this machine, much slower where something does.
     #[arg(long, env = "REALBEAM_SPIN", value_parser = clap::builder::BoolishValueParser::new())]
     spin: bool,
+    /// Scans of a model that a worker may take at once, to run them as one batch; answers are the same bytes. More scans a second where
+    /// threads are many, and each waits for all of its batch.
+    #[arg(long, env = "REALBEAM_BATCH", default_value_t = WorkerOptions::default().batch, value_parser = positive)]
+    batch: usize,
     /// Scans that may wait while all workers have one, before others are turned away with 429; 0: nobody waits.
     #[arg(long, env = "REALBEAM_QUEUE", default_value_t = WorkerOptions::default().queue)]
     queue: usize,
@@ -182,6 +186,7 @@ impl Serve {
             workers: WorkerOptions {
                 workers: self.workers,
                 threads: Threads { number: self.threads.unwrap_or_else(cores), spin: self.spin },
+                batch: self.batch,
                 queue: self.queue,
             },
             check: CheckOptions { program: None, memory_bytes: self.check_memory_bytes, time: self.check_time_s },

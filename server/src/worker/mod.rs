@@ -39,6 +39,9 @@ pub struct Done<O> {
     pub queued_for: Duration,
 }
 
+/// What work will give.
+pub(crate) type Outcome<O> = oneshot::Receiver<Result<Done<O>, PoolError>>;
+
 /// Work without an output.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum PoolError {
@@ -115,13 +118,21 @@ impl<T: 'static> Pool<T> {
         &self,
         work: impl FnOnce(&mut T, Caller<'_>) -> O + Send + 'static,
     ) -> Result<Done<O>, PoolError> {
+        self.begin(work)?.await.unwrap_or(Err(PoolError::Ended))
+    }
+
+    /// Has work done; whoever drops what is returned has stopped waiting.
+    pub(crate) fn begin<O: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut T, Caller<'_>) -> O + Send + 'static,
+    ) -> Result<Outcome<O>, PoolError> {
         let (reply, answer) = oneshot::channel();
         let errand = Errand { work, queued_at: Instant::now(), reply };
-        self.queue.push(Order(Box::new(errand))).map_err(|refused| match refused {
+        let pushed = self.queue.push(Order(Box::new(errand)));
+        pushed.map(|()| answer).map_err(|refused| match refused {
             Refused::Full => PoolError::Full,
             Refused::Closed => PoolError::Ended,
-        })?;
-        answer.await.unwrap_or(Err(PoolError::Ended))
+        })
     }
 
     /// True if work would be taken now.

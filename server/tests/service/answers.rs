@@ -41,6 +41,27 @@ fn one_seed_gives_one_answer_whatever_else_runs() -> Result {
     Ok(())
 }
 
+/// Scans that come together are run together, and nobody can tell.
+#[test]
+fn an_answer_is_the_same_alone_and_in_company() -> Result {
+    let mut config = config()?;
+    let body = bin()?;
+    let query = |i: usize| format!("?model={}&seed={i}", ["passthrough", "hdl64e", "ghosts"][i % 3]);
+    let alone = Service::with(&config)?;
+    let alone = (0..24).map(|i| alone.scan(&query(i), &[], &body)?.success()).collect::<Result<Vec<_>>>()?;
+    config.workers = WorkerOptions { workers: 2, batch: 4, ..config.workers };
+    let service = Service::with(&config)?;
+    let in_company = thread::scope(|scope| {
+        let ask = |i| service.scan(&query(i), &[], &body).and_then(Answer::success).map_err(|error| error.to_string());
+        let asked: Vec<_> = (0..24).map(|i| scope.spawn(move || ask(i))).collect();
+        asked.into_iter().map(|asked| asked.join().map_err(|_| "a client panicked".to_owned())?).collect::<Vec<_>>()
+    });
+    for (i, answer) in in_company.into_iter().enumerate() {
+        assert!(answer? == alone[i], "scan {i}");
+    }
+    Ok(())
+}
+
 #[test]
 fn the_seed_is_zero_unless_given_and_noise_moves_points_along_their_rays() -> Result {
     let service = Service::start()?;

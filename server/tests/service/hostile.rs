@@ -341,7 +341,7 @@ fn what_is_no_http_or_too_much_of_it_is_refused() -> Result {
 #[test]
 fn a_thousand_bombs_at_once_leave_the_service_as_it_was() -> Result {
     let mut config =
-        Config { workers: server::WorkerOptions { workers: 2, threads: 1.into(), queue: 64 }, ..config()? };
+        Config { workers: server::WorkerOptions { workers: 2, threads: 1.into(), batch: 1, queue: 64 }, ..config()? };
     config.requests.max_inflight_bytes = 16 << 20;
     let target = Target(Service::with(&config)?);
     let lies = lying_scans()?;

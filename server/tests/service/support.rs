@@ -41,7 +41,7 @@ pub(crate) fn config() -> Result<Config> {
         models: data().join("models"),
         default_model: "passthrough".into(),
         addr: "127.0.0.1:0".parse()?,
-        workers: WorkerOptions { workers: 1, threads: 1.into(), queue: 64 },
+        workers: WorkerOptions { workers: 1, threads: 1.into(), batch: 1, queue: 64 },
         requests: RequestLimits { max_body_bytes: 8 << 20, max_points: 100_000, ..RequestLimits::default() },
         ..Config::default()
     })
