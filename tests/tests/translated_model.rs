@@ -32,9 +32,10 @@ fn write_streets(root: &Path, sensor: &Sensor) -> Fact {
 
 fn config() -> Result<TranslationConfig, Box<dyn std::error::Error>> {
     let mut text = format!(
-        "name = \"toy\"\nsummary = \"A toy\"\nlicence = \"MIT\"\nsensor = \"vlp16\"\ncolumns = {COLUMNS}\nmethod = \"cls2r\"\n\
+        "name = \"toy\"\nsummary = \"A toy\"\nlicence = \"MIT\"\nsensor = \"vlp16\"\ncolumns = {}\nserved_columns = {COLUMNS}\nmethod = \"cls2r\"\n\
          [generator]\nwidth = 8\nblocks = 2\nrings = 16\n[discriminator]\nwidth = 8\nhalvings = 2\n[losses]\npatches = 16\n\
-         [schedule]\nsteps = 2\nbatch = 1\ncrop_columns = 64\ncheckpoint_every = 2\nsamples_every = 0\n"
+         [schedule]\nsteps = 2\nbatch = 1\ncrop_columns = 64\ncheckpoint_every = 2\nsamples_every = 0\n",
+        COLUMNS / 2
     );
     for part in ["simulated.train", "simulated.validate", "simulated.test", "real.train", "real.validate", "real.test"]
     {

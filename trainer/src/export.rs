@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use burn::module::Module;
+use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use lidar::Sensor;
 use lidar::label::CLASS_NAMES;
@@ -17,7 +17,7 @@ use crate::config::{AnyConfig, DataConfig, TrainConfig};
 use crate::data::Scans;
 use crate::data::scans::classes_seen;
 use crate::evaluate::Scores;
-use crate::generator::Generator;
+use crate::generator::{Generator, Phased};
 use crate::network::{COLUMN_MULTIPLE, UNet};
 use crate::train::{best_network, supervised};
 use crate::translation::config::Split;
@@ -61,12 +61,17 @@ pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
         AnyConfig::Translation(config) => {
             let scores = translation::training::scores(&config, run, data_root)?;
             let card = translation_card(&config, data_root, &scores)?;
+            let (_, phases) = config.served()?;
             match translation::best_network(&config, run)? {
-                Trained::Translator(network) => verified(&*network, card),
-                Trained::UNet(network) => verified(&*network, card),
+                Trained::Translator(network) => in_phases(*network, phases, card),
+                Trained::UNet(network) => in_phases(*network, phases, card),
             }
         }
     }
+}
+
+fn in_phases<G: Generator + Module + ModuleDisplay>(network: G, phases: usize, card: Card) -> Result<(Vec<u8>, Card)> {
+    if phases == 1 { verified(&network, card) } else { verified(&Phased::new(network, phases), card) }
 }
 
 fn verified<G: Generator + Module>(network: &G, card: Card) -> Result<(Vec<u8>, Card)> {
@@ -76,7 +81,7 @@ fn verified<G: Generator + Module>(network: &G, card: Card) -> Result<(Vec<u8>, 
 }
 
 fn translation_card(config: &TranslationConfig, data_root: &Path, scores: &TranslationScores) -> Result<Card> {
-    let grid = config.grid()?;
+    let (grid, (sensor, phases)) = (config.grid()?, config.served()?);
     let learned = |split: &Split| Domain::load(data_root, &split.train, &grid);
     let mut trained_on = learned(&config.real)?.datasets;
     if config.method != Method::UNet {
@@ -88,8 +93,8 @@ fn translation_card(config: &TranslationConfig, data_root: &Path, scores: &Trans
         summary: config.summary.clone(),
         licence: config.licence.clone(),
         trained_on,
-        column_multiple: config.multiple(),
-        sensor: grid.sensor,
+        column_multiple: config.multiple() * phases,
+        sensor,
         noise_channels: 0,
         adds_returns: false,
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),

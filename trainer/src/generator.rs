@@ -1,9 +1,13 @@
 //! From a simulated scan to what the sensor would have measured: what every trained network does, whatever it is made of.
 
+mod phased;
+
 use burn::tensor::{Device, Tensor, TensorData};
 use lidar::{RangeImage, ray_drop};
 
 use crate::network::{Measurement, UNet};
+
+pub use phased::Phased;
 
 /// A network in physical units.
 pub trait Generator {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use lidar::Sensor;
 use serde::{Deserialize, Serialize};
 
 use super::answer::Reporting;
@@ -49,6 +50,10 @@ pub struct TranslationConfig {
     /// Columns of the turn, if other than the sensor's; scans with more are resampled to it.
     #[serde(default)]
     pub columns: Option<usize>,
+    /// Columns of the turns that the exported model takes, a multiple of those that it learns from: each n-th column is then seen as a turn
+    /// of its own, as coarse as those.
+    #[serde(default)]
+    pub served_columns: Option<usize>,
     /// What computes the steps.
     #[serde(default)]
     pub backend: Backend,
@@ -246,6 +251,18 @@ impl TranslationConfig {
         Ok(Grid { sensor, native, resample: self.columns.is_some() })
     }
 
+    /// The sensor of the exported model, and how many turns of the network it sees one of its own as.
+    pub fn served(&self) -> Result<(Sensor, usize)> {
+        let Grid { sensor, native, .. } = self.grid()?;
+        let columns = sensor.columns();
+        let served = self.served_columns.unwrap_or(columns);
+        ensure!(
+            served > 0 && served.is_multiple_of(columns),
+            "served_columns is {served}, expected a multiple of the {columns} that are learned from"
+        );
+        Ok((native.with_columns(served)?, served / columns))
+    }
+
     /// How networks see scans, and how their answers lose rays.
     pub fn reporting(&self) -> Result<Reporting> {
         let range = RangeCoder { code: self.range_code, limits_m: self.grid()?.sensor.range_limits_m() };
@@ -284,6 +301,7 @@ impl TranslationConfig {
         ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
         ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
         ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        self.served()?;
         let told_apart = self.generator.rings;
         ensure!(
             told_apart == 0 || told_apart == rings,
@@ -349,6 +367,7 @@ mod tests {
             ("columns = 510", "columns: 510"),
             ("[schedule]\ncrop_columns = 2052", "the turn has 2048"),
             ("[schedule]\naverage = 1.0", "average"),
+            ("columns = 512\nserved_columns = 2000", "served_columns is 2000"),
             ("[losses]\npatches = 1", "patches"),
             ("[generator]\nrings = 32", "generator.rings is 32"),
             ("[generator]\nwidht = 3", "widht"),
