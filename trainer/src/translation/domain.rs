@@ -12,6 +12,15 @@ use crate::data::Scans;
 /// Least share of the sensor's rings that a scan of it fills; one of a sensor with half as many rings does not.
 const LEAST_RINGS: f64 = 0.7;
 
+/// Rays that point down by more than this meet the ground within some metres, if nothing is in their way.
+const SURELY_DOWN_RAD: f64 = -10.0 * std::f64::consts::PI / 180.0;
+
+/// Share of the scans in which a ray that meets the sensor's own vehicle is reported, at most: what is reported of it are exceptions.
+const OWN_VEHICLE_SHARE: f64 = 0.1;
+
+/// Scans that it takes at least to tell what never returns from what did not happen to.
+const OWN_VEHICLE_SCANS: usize = 10;
+
 /// Scans that are alike in origin.
 #[derive(Clone, Debug, Default)]
 pub struct Domain {
@@ -56,6 +65,25 @@ impl Domain {
         }
         Ok(domain)
     }
+
+    /// Numbers of the pixels whose rays are lost to the vehicle that carries the sensor: they point at the ground beside it, and hardly any
+    /// scan reports them. None where there are few scans.
+    pub fn own_vehicle(&self, sensor: &Sensor) -> Vec<usize> {
+        let most = (OWN_VEHICLE_SHARE * self.images.len() as f64) as usize;
+        let reported = |i: usize| self.images.iter().filter(|image| image.range_m()[i] > 0.0).count();
+        let down = |ring: usize| sensor.rings()[ring].elevation_rad < SURELY_DOWN_RAD;
+        let lost = |i: &usize| down(i / sensor.columns()) && reported(*i) <= most;
+        if self.images.len() < OWN_VEHICLE_SCANS { vec![] } else { (0..sensor.pixels()).filter(lost).collect() }
+    }
+
+    /// The same scans without the returns of these pixels.
+    #[must_use]
+    pub fn without(mut self, pixels: &[usize]) -> Self {
+        for image in &mut self.images {
+            pixels.iter().for_each(|i| image.remove(*i));
+        }
+        self
+    }
 }
 
 fn rings_filled(image: &RangeImage) -> usize {
@@ -92,6 +120,24 @@ mod tests {
         assert_eq!(on_grid(image(64), &grid(true)?)?.columns(), 32);
         assert!(on_grid(image(16), &grid(true)?).is_err_and(|e| e.to_string().contains("fewer")));
         assert_eq!(on_grid(image(32), &grid(false)?)?, image(32));
+        Ok(())
+    }
+
+    #[test]
+    fn what_no_scan_reports_of_the_ground_beside_it_is_the_own_vehicle() -> Result<()> {
+        let sensor = grid(false)?.sensor;
+        // Ring 0 points up, ring 15 down; chance takes other pixels from scan to scan.
+        let scan = |n: usize| {
+            let mut scan = image(32);
+            [3, 15 * 32 + 3, 15 * 32 + 4, 14 * 32 + n].into_iter().for_each(|i| scan.remove(i));
+            scan
+        };
+        let domain = |scans: usize| Domain { images: (0..scans).map(scan).collect(), datasets: vec![] };
+        let lost = domain(12).own_vehicle(&sensor);
+        assert_eq!(lost, [15 * 32 + 3, 15 * 32 + 4]);
+        assert!(domain(9).own_vehicle(&sensor).is_empty(), "too few to tell");
+        let other = Domain { images: vec![image(32)], datasets: vec![] }.without(&lost);
+        assert_eq!(other.images[0].returns(), 16 * 32 - 2);
         Ok(())
     }
 

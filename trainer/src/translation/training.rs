@@ -88,8 +88,11 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     let newest = run.open(&config.to_toml()?)?;
     let grid = config.grid()?;
     let load = |list: &[DataConfig]| Domain::load(&run.data, list, &grid);
-    let examiner = Examiner::new(load(&config.simulated.validate)?, load(&config.real.validate)?);
-    let mut learner = learner(config, run, &grid, examiner)?;
+    let real = load(&config.real.train)?;
+    let own_vehicle = if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] };
+    let simulated = |list: &[DataConfig]| Ok::<_, anyhow::Error>(load(list)?.without(&own_vehicle));
+    let examiner = Examiner::new(simulated(&config.simulated.validate)?, load(&config.real.validate)?);
+    let mut learner = learner(config, &grid, (|| simulated(&config.simulated.train), real), examiner)?;
     let schedule = &config.schedule;
     let plan = Plan {
         steps: schedule.steps,
@@ -105,10 +108,13 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     Ok(Some(scores))
 }
 
-/// A config's method with random weights, and the scans that it learns from.
-fn learner(config: &TranslationConfig, run: &Run, grid: &Grid, examiner: Examiner) -> Result<Box<dyn Learner>> {
-    let load = |list: &[DataConfig]| Domain::load(&run.data, list, grid);
-    let real = load(&config.real.train)?;
+/// A config's method with random weights, and the scans that it learns from; a method that learns from real scans alone loads no others.
+fn learner(
+    config: &TranslationConfig,
+    grid: &Grid,
+    (simulated, real): (impl FnOnce() -> Result<Domain>, Domain),
+    examiner: Examiner,
+) -> Result<Box<dyn Learner>> {
     let (schedule, losses, rings) = (config.schedule, config.losses, grid.sensor.rings().len());
     let device = config.backend.device()?.autodiff();
     device.seed(config.seed);
@@ -120,7 +126,7 @@ fn learner(config: &TranslationConfig, run: &Run, grid: &Grid, examiner: Examine
     };
     if let Some(method) = adversarial(config, setting, &device) {
         let sampler = Sampler {
-            simulated: load(&config.simulated.train)?,
+            simulated: simulated()?,
             real,
             seed: config.seed,
             batch: schedule.batch,
