@@ -37,6 +37,8 @@ pub struct Config {
     pub tls: Option<TlsFiles>,
     /// What every request has to show, but for the page and the two questions after the service's health; `None` for nothing.
     pub token: Option<Token>,
+    /// Address of the OpenTelemetry collector that gets traces, by OTLP over HTTP: `http://127.0.0.1:4318/v1/traces`; `None` for nobody.
+    pub otlp: Option<String>,
     /// Whether `GET /` is a page for people.
     pub page: bool,
     /// Workers of each model.
@@ -111,6 +113,7 @@ impl Default for Config {
             socket_mode: 0o600,
             tls: None,
             token: None,
+            otlp: None,
             page: true,
             workers: WorkerOptions::default(),
             check: CheckOptions::default(),

@@ -20,6 +20,7 @@ use crate::metrics::Metrics;
 use crate::repository::Repository;
 use crate::source::Source;
 use crate::tls::{TlsError, TlsFiles};
+use crate::traces::{Traces, TracesError};
 
 /// A running service. Dropping it stops it.
 #[derive(Debug)]
@@ -49,6 +50,9 @@ pub enum ServeError {
     /// The certificate or its key cannot be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
+    /// Traces cannot be sent.
+    #[error(transparent)]
+    Traces(#[from] TracesError),
     /// A model has two canaries.
     #[error(transparent)]
     Canary(#[from] CanaryError),
@@ -77,6 +81,7 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     if let Some(admin) = config.admin.as_ref().filter(|admin| !admin.addr.ip().to_canonical().is_loopback()) {
         return Err(ServeError::AdminAddress(admin.addr));
     }
+    let traces = Traces::new(config.otlp.as_deref())?;
     let tls = config.tls.as_ref().map(TlsFiles::acceptor).transpose()?;
     let (stop, end, metrics) = (CancellationToken::new(), CancellationToken::new(), Metrics::new());
     let (catalogue, loader) = read_models(config, &metrics, &end)?;
@@ -88,7 +93,7 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let admin_listener = config.admin.as_ref().map(bind_admin).transpose()?;
     let admin_addr = admin_listener.as_ref().and_then(|(_, addr)| addr.tcp());
 
-    let app = Arc::new(App::new(catalogue, metrics, config, end.clone()));
+    let app = Arc::new(App::new(catalogue, (metrics, traces), config, end.clone()));
     let guests = |router, tls| Guests {
         router,
         limits: config.connections,
@@ -107,7 +112,10 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
         tokio::join!(serving, if_some(admin), if_some(polling));
     };
     let time_over = stop_in_order(Arc::clone(&app), stop.clone(), end, config.stop);
-    let thread = thread::Builder::new().name("serve".into()).spawn(move || run(&runtime, serving, time_over))?;
+    let thread = thread::Builder::new().name("serve".into()).spawn(move || {
+        run(&runtime, serving, time_over);
+        app.traces.end();
+    })?;
     Ok(Server { addr, admin_addr, stop, thread: Some(thread) })
 }
 

@@ -64,6 +64,10 @@ pub(super) struct Serve {
     /// /v2/health/ready [default: none]. `REALBEAM_TOKEN` may hold it instead.
     #[arg(long, env = "REALBEAM_TOKEN_FILE", value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// OpenTelemetry collector that gets traces by OTLP over HTTP, as in `http://127.0.0.1:4318/v1/traces` [default: nobody]. Needs a program
+    /// that was built with the feature `otlp`.
+    #[arg(long, env = "REALBEAM_OTLP", value_name = "URL")]
+    otlp: Option<String>,
     /// No page for people at `GET /`.
     #[arg(long, env = "REALBEAM_NO_UI", value_parser = clap::builder::BoolishValueParser::new())]
     no_ui: bool,
@@ -182,6 +186,7 @@ impl Serve {
             socket_mode: self.socket_mode,
             tls: self.tls_cert.zip(self.tls_key).map(|(cert, key)| TlsFiles { cert, key }),
             token: token(TOKEN_VARIABLE, "--token-file", self.token_file.as_deref())?,
+            otlp: self.otlp,
             page: !self.no_ui,
             workers: WorkerOptions {
                 workers: self.workers,

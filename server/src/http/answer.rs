@@ -44,6 +44,8 @@ pub(crate) fn response(answer: ScanAnswer, share: Share, wish: &Wish) -> Respons
         ("server-timing", Some(answer.times.to_string())),
     ];
     let mut response = Response::new(Body::from(on_its_way(answer.bytes, share)));
+    // For whoever traces requests.
+    response.extensions_mut().insert(answer.times);
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wish.accepted.name));
     for (name, number) in numbers {

@@ -15,6 +15,8 @@ use proto::{ErrorBody, ErrorCode};
 
 use super::error::ApiError;
 use super::{App, grpc};
+use crate::stopwatch::StageTimes;
+use crate::traces::Answered;
 
 /// Header of a request's id, in both directions.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -35,8 +37,10 @@ pub(crate) async fn envelope(State(app): State<Arc<App>>, mut request: Request, 
     let route = request.extensions().get::<MatchedPath>().map_or("none", MatchedPath::as_str).to_owned();
     request.extensions_mut().insert(RequestId(id.clone()));
     let is_grpc = grpc::is_asked_for(request.headers());
+    let parent = request.headers().get("traceparent").cloned();
     let mut response = next.run(request).await;
     let error = response.extensions_mut().remove::<ApiError>();
+    let stages = response.extensions_mut().remove::<StageTimes>();
     if let Some(error) = &error {
         app.failed(error, &id);
         response = if is_grpc { grpc::refusal(error) } else { with_body(&response, error, &id) };
@@ -48,6 +52,17 @@ pub(crate) async fn envelope(State(app): State<Arc<App>>, mut request: Request, 
     let status = if is_grpc { grpc::status(error.as_ref()).1.into() } else { response.status().as_u16().to_string() };
     let elapsed = started.elapsed();
     app.metrics.answered(&route, &status, elapsed);
+    app.traces.add(&Answered {
+        method: method.as_str(),
+        route: &route,
+        request_id: &id,
+        status: &status,
+        is_grpc,
+        has_failed: error.is_some_and(|error| error.code.status() >= 500),
+        time: elapsed,
+        stages: stages.as_ref(),
+        parent: parent.as_ref(),
+    });
     let elapsed_ms = (elapsed.as_secs_f64() * 1e6).round() / 1e3;
     tracing::info!(request_id = id, %method, path, status, elapsed_ms, "answered");
     response

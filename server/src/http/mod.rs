@@ -39,6 +39,7 @@ use crate::config::{Config, RequestLimits};
 use crate::metrics::Metrics;
 use crate::streams::Streams;
 use crate::token::Token;
+use crate::traces::Traces;
 use error::ApiError;
 
 /// What every handler works with.
@@ -51,6 +52,7 @@ pub(crate) struct App {
     /// Streams of which only the latest scan counts.
     pub(crate) streams: Arc<Streams>,
     pub(crate) metrics: Metrics,
+    pub(crate) traces: Traces,
     /// Time that a stream of scans may be without one.
     pub(crate) idle_time: Duration,
     /// Cancelled when nothing more is taken.
@@ -59,7 +61,12 @@ pub(crate) struct App {
 }
 
 impl App {
-    pub(crate) fn new(catalogue: Arc<Catalogue>, metrics: Metrics, config: &Config, end: CancellationToken) -> Self {
+    pub(crate) fn new(
+        catalogue: Arc<Catalogue>,
+        (metrics, traces): (Metrics, Traces),
+        config: &Config,
+        end: CancellationToken,
+    ) -> Self {
         let (limits, idle_time) = (config.requests, config.connections.idle_time);
         let budget = Budget::new(limits.max_inflight_bytes);
         Self {
@@ -68,6 +75,7 @@ impl App {
             budget,
             streams: Arc::default(),
             metrics,
+            traces,
             idle_time,
             end,
             draining: AtomicBool::new(false),

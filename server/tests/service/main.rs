@@ -19,6 +19,7 @@ mod support;
 mod swap;
 mod tls;
 mod token;
+mod traces;
 mod unix_socket;
 mod vanish;
 mod views;

@@ -93,7 +93,9 @@ pub(super) async fn model_infer(State(app): State<Arc<App>>, request: Request) -
         Ok(inferred.encode(|answer| reply::framed(&ModelInferResponse::from(answer))))
     };
     let inferred = app.work(&offer, &terms, entered, work).await?;
-    Ok(reply::one(answer::on_its_way(inferred.answer, share)))
+    let mut response = reply::one(answer::on_its_way(inferred.answer, share));
+    response.extensions_mut().insert(inferred.times);
+    Ok(response)
 }
 
 /// Answers a call whose answer is at hand.

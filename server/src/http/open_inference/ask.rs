@@ -38,7 +38,7 @@ pub(in crate::http) enum Given {
 /// What a model gives; encoded by whoever has asked.
 pub(in crate::http) struct Inferred<A> {
     pub(in crate::http) answer: A,
-    times: StageTimes,
+    pub(in crate::http) times: StageTimes,
     /// Of a scan, how it fitted the model.
     fit: Option<Fit>,
 }

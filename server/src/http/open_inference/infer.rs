@@ -46,6 +46,7 @@ pub(super) async fn infer(State(app): State<Arc<App>>, path: InPath, request: Re
     let inferred = app.work(&offer, &terms, terms.enter(&app.streams), work).await?;
     let (bytes, header_length) = inferred.answer;
     let mut response = answer::on_its_way(bytes, share).into_response();
+    response.extensions_mut().insert(inferred.times);
     let headers = response.headers_mut();
     let content_type = if header_length.is_some() { "application/octet-stream" } else { "application/json" };
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(content_type));
