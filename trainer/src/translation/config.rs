@@ -69,8 +69,8 @@ pub struct TranslationConfig {
     /// Whether the generator says which rays are reported (the paper's ray-drop synthesis), or draws lost rays into the image itself.
     #[serde(default = "yes")]
     pub ray_drop: bool,
-    /// Whether simulated scans are learned from without the rays that real ones lose to the vehicle that carries the sensor. A network
-    /// cannot know where that vehicle is, and would scatter the loss over all azimuths.
+    /// Whether simulated scans are taken without the rays that the real ones that are learned from lose to the vehicle that carries the
+    /// sensor. A network cannot know where that vehicle is, and would scatter the loss over all azimuths.
     #[serde(default)]
     pub own_vehicle: bool,
     /// The generator.

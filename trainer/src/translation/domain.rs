@@ -6,6 +6,7 @@ use anyhow::{Context, Result, ensure};
 use lidar::{RangeImage, Sensor};
 use proto::card::Dataset;
 
+use super::config::TranslationConfig;
 use crate::config::DataConfig;
 use crate::data::Scans;
 
@@ -83,6 +84,14 @@ impl Domain {
             pixels.iter().for_each(|i| image.remove(*i));
         }
         self
+    }
+
+    /// Scans of a config's simulation, as they are compared with `real` ones: where the config asks for it, without the rays that those lose
+    /// to the vehicle that carries the sensor.
+    pub fn simulated(config: &TranslationConfig, data: &Path, list: &[DataConfig], real: &Self) -> Result<Self> {
+        let grid = config.grid()?;
+        let domain = Self::load(data, list, &grid)?;
+        Ok(if config.own_vehicle { domain.without(&real.own_vehicle(&grid.sensor)) } else { domain })
     }
 }
 

@@ -28,8 +28,9 @@ impl<'s> Exam<'s> {
     /// protocol defines it; without one, those of [`super::realness`].
     pub fn new(config: &TranslationConfig, data: &Path, by: Option<(&'s Segmentation, Protocol)>) -> Result<Self> {
         let grid = config.grid()?;
-        let load = |list| Domain::load(data, list, &grid).map(|domain| domain.images);
-        let (simulated, real) = (load(&config.simulated.test)?, load(&config.real.test)?);
+        let load = |list| Domain::load(data, list, &grid);
+        let (learned, real) = (load(&config.real.train)?, load(&config.real.test)?.images);
+        let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?.images;
         let judge = by.map(|(segmentation, protocol)| -> Result<_> {
             let judge = Judge {
                 sensor: grid.sensor.clone(),
@@ -41,7 +42,7 @@ impl<'s> Exam<'s> {
             let real = judge.sum_up(&real)?;
             Ok((judge, real))
         });
-        Ok(Self { simulated, real, learned: load(&config.real.train)?, judge: judge.transpose()? })
+        Ok(Self { simulated, real, learned: learned.images, judge: judge.transpose()? })
     }
 
     /// What a network makes of the simulated scans.

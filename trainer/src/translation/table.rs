@@ -57,8 +57,8 @@ impl Table {
             let s = &config.schedule;
             let data = toml::to_string(&config.simulated)? + &toml::to_string(&config.real)?;
             Ok(format!(
-                "{} steps of {} scans, {} columns of {:?} of {}\n{data}",
-                s.steps, s.batch, s.crop_columns, config.columns, config.sensor
+                "{} steps of {} scans, {} columns of {:?} of {}, own vehicle: {}\n{data}",
+                s.steps, s.batch, s.crop_columns, config.columns, config.sensor, config.own_vehicle
             ))
         };
         let (first, expected) = (&rows[0].0, budget(&rows[0].1)?);

@@ -7,7 +7,7 @@ use burn::tensor::Device;
 use proto::card::Score;
 use serde::{Deserialize, Serialize};
 
-use super::config::{Method, Split, TranslationConfig};
+use super::config::{Method, TranslationConfig};
 use super::domain::{Domain, Grid};
 use super::examiner::Examiner;
 use super::learner::Translating;
@@ -89,10 +89,10 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     let grid = config.grid()?;
     let load = |list: &[DataConfig]| Domain::load(&run.data, list, &grid);
     let real = load(&config.real.train)?;
-    let own_vehicle = if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] };
-    let simulated = |list: &[DataConfig]| Ok::<_, anyhow::Error>(load(list)?.without(&own_vehicle));
-    let examiner = Examiner::new(simulated(&config.simulated.validate)?, load(&config.real.validate)?);
-    let mut learner = learner(config, &grid, (|| simulated(&config.simulated.train), real), examiner)?;
+    let simulated = |list: &[DataConfig], real: &Domain| Domain::simulated(config, &run.data, list, real);
+    let examiner = Examiner::new(simulated(&config.simulated.validate, &real)?, load(&config.real.validate)?);
+    let learn_from = |real: &Domain| simulated(&config.simulated.train, real);
+    let mut learner = learner(config, &grid, (learn_from, real), examiner)?;
     let schedule = &config.schedule;
     let plan = Plan {
         steps: schedule.steps,
@@ -112,7 +112,7 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
 fn learner(
     config: &TranslationConfig,
     grid: &Grid,
-    (simulated, real): (impl FnOnce() -> Result<Domain>, Domain),
+    (simulated, real): (impl FnOnce(&Domain) -> Result<Domain>, Domain),
     examiner: Examiner,
 ) -> Result<Box<dyn Learner>> {
     let (schedule, losses, rings) = (config.schedule, config.losses, grid.sensor.rings().len());
@@ -126,7 +126,7 @@ fn learner(
     };
     if let Some(method) = adversarial(config, setting, &device) {
         let sampler = Sampler {
-            simulated: simulated()?,
+            simulated: simulated(&real)?,
             real,
             seed: config.seed,
             batch: schedule.batch,
@@ -157,8 +157,9 @@ pub fn best_network(config: &TranslationConfig, out: &Path) -> Result<Trained> {
 /// Scores a run's best network on the test scans.
 pub fn scores(config: &TranslationConfig, out: &Path, data: &Path) -> Result<TranslationScores> {
     let grid = config.grid()?;
-    let load = |split: &Split| Domain::load(data, &split.test, &grid);
-    let (simulated, real) = (load(&config.simulated)?, load(&config.real)?);
+    let real = Domain::load(data, &config.real.test, &grid)?;
+    let learned = Domain::load(data, &config.real.train, &grid)?;
+    let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?;
     let (simulated_scans, real_scans) = (simulated.images.len(), real.images.len());
     let examiner = Examiner::new(simulated, real);
     let model = examiner.of(&best_network(config, out)?);
