@@ -5,7 +5,7 @@
 //! The service runs in a process of its own. Five seconds of load and a moment of silence take turns, and in the silence two things are
 //! read, so that no request under way is mistaken for growth: the memory that the process has of the machine's, and the bytes that its
 //! own code has allocated and not freed. The second hardly scatters, so that ten minutes tell what it does in an hour; the first counts
-//! ONNX Runtime too, and what glibc's arenas do not give back, and comes to rest only after minutes. Half of the time warms up, and of the
+//! ONNX Runtime's memory too, and what the allocator keeps, and comes to rest only after minutes. Half of the time warms up, and of the
 //! rest the growth is the slope of Theil and Sen with its 95 % interval.
 //!
 //! The exit status is 1 if an interval lies above 1 MB an hour as a whole, or if anything was answered in another way than it should be.
