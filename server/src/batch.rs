@@ -215,7 +215,7 @@ mod tests {
             "tests/data/models/passthrough/2/model.onnx",
             "../models/hdl64e/1/model.onnx",
             "../models/hdl32e/1/model.onnx",
-            "../models/hdl64e-cls2r/1/model.onnx",
+            "../models/hdl64e-cls2r/2/model.onnx",
         ];
         files.into_iter().try_for_each(together_as_alone)
     }

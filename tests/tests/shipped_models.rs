@@ -9,17 +9,18 @@ type Fact = Result<(), Box<dyn std::error::Error>>;
 fn every_shipped_model_has_a_card_and_beats_the_pass_through_on_held_out_scans() -> Fact {
     let repository = server::Repository::new(models());
     runtime::environment()?;
-    // Translations have no twins to be scored on: what they are scored by is their distance from real scans.
+    // Translations have no twins to be scored on: what they are scored by is their distance from real scans. How many rays are lost ring by
+    // ring says as much of the sky over a place as of the sensor; the card tells it, and nobody is the better for it.
     let twins: &[&str] = &["keep log-loss", "keep log-loss (against the best constant)", "reflectance MAE"];
-    let distances: &[&str] = &["lost rays, from real", "reflectance W1, from real", "range JSD, from real"];
-    for (name, licence, lower_is_better) in [
-        ("hdl64e", "CC-BY-NC-SA-3.0", twins),
-        ("hdl32e", "Apache-2.0", twins),
-        ("hdl64e-cls2r", "CC-BY-NC-SA-3.0", distances),
+    let distances: &[&str] = &["reflectance W1, from real", "range JSD, from real"];
+    for (name, version, licence, lower_is_better) in [
+        ("hdl64e", 1, "CC-BY-NC-SA-3.0", twins),
+        ("hdl32e", 1, "Apache-2.0", twins),
+        ("hdl64e-cls2r", 2, "CC-BY-NC-SA-3.0", distances),
     ] {
-        let bytes = std::fs::metadata(models().join(name).join("1/model.onnx"))?.len();
+        let bytes = std::fs::metadata(models().join(name).join(version.to_string()).join("model.onnx"))?.len();
         assert!(bytes < 10_000_000, "{name} has {bytes} bytes");
-        let card = repository.read(name, Some(1))?.card;
+        let card = repository.read(name, Some(version))?.card;
         assert_eq!((card.name.as_str(), card.licence.as_str()), (name, licence));
         assert!(card.trained_on.iter().all(|data| data.sha256.len() == 64 && data.scans > 0), "{name}");
         let score = |metric: &str| -> Result<&Score, String> {
