@@ -16,7 +16,7 @@ fn main() {
     divan::main();
 }
 
-#[divan::bench(args = ["hdl64e", "hdl32e", "hdl64e-cls2r"])]
+#[divan::bench(args = ["hdl64e/1", "hdl32e/1", "hdl64e-cls2r/2"])]
 fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
     let (mut session, rings, scan) = prepare(model).expect("the model runs");
     bencher.counter(divan::counter::ItemsCount::new(rings * COLUMNS)).bench_local(|| {
@@ -26,12 +26,12 @@ fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
     });
 }
 
-/// The model's session on two threads, its rings, and a street as its input.
+/// A session of a model, `name/version`, on two threads, its rings, and a street as its input.
 fn prepare(model: &str) -> Result<(Session, usize, Vec<f32>), Box<dyn std::error::Error>> {
     let environment = runtime::environment()?;
-    let path = tests::models().join(model).join("1/model.onnx");
+    let path = tests::models().join(model).join("model.onnx");
     let session = Session::builder(&environment)?.with_intra_threads(2)?.commit_from_file(path)?;
-    let sensor = Sensor::builtin(model.trim_end_matches("-cls2r"))?.with_columns(COLUMNS)?;
+    let sensor = Sensor::builtin(model.split(['-', '/']).next().unwrap_or(model))?.with_columns(COLUMNS)?;
     let image = cast(&street(3, &StreetConfig::default()), &sensor, &Pose::default(), &Motion::default()).image;
     let mut scan = vec![0.0; tensor::SCAN_CHANNELS * sensor.pixels()];
     image.write_tensor(&mut scan);
