@@ -75,8 +75,8 @@ class Encoder(nn.Module):
         self.halve = nn.ModuleList(Halve(width << (i + 1)) for i in range(2))
         self.blocks = nn.ModuleList(Block(norm, width << 2) for _ in range(blocks))
 
-    def forward(self, x, border, seen):
-        x = F.relu(self.stem(x, border))
+    def forward(self, x, border, seen, rings=0):
+        x = F.relu(self.stem.norm(self.stem.conv(pad(x, self.stem.by, border)) + rings))
         for stage, halve in zip(self.down, self.halve):
             x = stage.conv(pad(x, 1, border))
             seen.append(x)
@@ -99,11 +99,13 @@ class Generator(nn.Module):
         self.twice = nn.ModuleList(Double(width << (i + 1)) for i in (1, 0))
         self.up = nn.ModuleList(Stage(norm, width << (i + 1), width << i) for i in (1, 0))
         self.head = nn.Conv2d(width, 3, 7)
+        by_ring = lambda channels: nn.Parameter(torch.zeros(1, channels, of["rings"], 1)) if of["rings"] else 0
+        self.stem_rings, self.head_rings = by_ring(width), by_ring(3)
 
     def features(self, image, condition):
         border = self.of["border"]
         seen = [pad(image, 3, border)]
-        x = self.image(image, border, seen)
+        x = self.image(image, border, seen, self.stem_rings)
         if self.condition is not None:
             x = x + self.condition(condition, border, [])
         x = self.blocks[0](x, border)
@@ -116,7 +118,7 @@ class Generator(nn.Module):
             x = block(x, border)
         for twice, stage in zip(self.twice, self.up):
             x = F.relu(stage(twice(x, border), border))
-        x = self.head(pad(x, 3, border))
+        x = self.head(pad(x, 3, border)) + self.head_rings
         said = x[:, :2]
         if self.of["output"] == "correction":
             image = image + torch.cat([said[:, :1].tanh() * self.of["range_reach"], said[:, 1:]], 1)
