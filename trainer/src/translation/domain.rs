@@ -81,7 +81,9 @@ impl Domain {
     #[must_use]
     pub fn without(mut self, pixels: &[usize]) -> Self {
         for image in &mut self.images {
-            pixels.iter().for_each(|i| image.remove(*i));
+            for i in pixels {
+                image.remove(*i);
+            }
         }
         self
     }
@@ -138,7 +140,9 @@ mod tests {
         // Ring 0 points up, ring 15 down; chance takes other pixels from scan to scan.
         let scan = |n: usize| {
             let mut scan = image(32);
-            [3, 15 * 32 + 3, 15 * 32 + 4, 14 * 32 + n].into_iter().for_each(|i| scan.remove(i));
+            for i in [3, 15 * 32 + 3, 15 * 32 + 4, 14 * 32 + n] {
+                scan.remove(i);
+            }
             scan
         };
         let domain = |scans: usize| Domain { images: (0..scans).map(scan).collect(), datasets: vec![] };
