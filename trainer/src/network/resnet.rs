@@ -211,10 +211,7 @@ impl Resnet {
             x = stage.forward(double(x, self.border), self.border);
         }
         let x = self.head.forward(self.border.pad(x, 3));
-        let x = match &self.rings {
-            None => x,
-            Some(rings) => x + rings.head.val(),
-        };
+        let x = self.rings.iter().fold(x, |x, rings| x + rings.head.val());
         let channels = |from: usize, to: usize| x.clone().slice(s![.., from..to, .., ..]);
         let said = channels(0, IMAGE_CHANNELS);
         let image = match self.output {
