@@ -18,6 +18,8 @@ use lidar::formats::{self, Format, Limits};
 use peak_alloc::PeakAlloc;
 use proto::card::{Card, METADATA_KEY};
 use proto::open_inference::InferRequest;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use server::onnx_file::OnnxFile;
 
 type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -66,7 +68,7 @@ fn no_mutated_file_makes_a_reader_panic_or_take_more_memory_than_is_its_due() ->
     'rounds: for round in (0..).take_while(|round| !over(*round)) {
         rounds = round + 1;
         for (place, reader) in readers.iter().enumerate() {
-            let mut random = Random(seed ^ (round << 8) ^ place as u64);
+            let mut random = Random::new(seed, round, place);
             let bytes = random.mutated(&reader.seeds);
             match attempt(reader, &bytes) {
                 Ok(is_taken) => taken[place] += u64::from(is_taken),
@@ -200,24 +202,24 @@ fn cloud() -> PointCloud {
     }
 }
 
-/// `SplitMix64` (Steele, Lea, Flood, 2014).
-struct Random(u64);
+/// What chance decides.
+struct Random(ChaCha8Rng);
 
 /// Numbers that break arithmetic, as they are written.
 const NUMBERS: [&str; 9] =
     ["0", "-1", "65535", "4294967295", "4611686018427387904", "18446744073709551616", "1e999", "nan", "1e-320"];
 
 impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+    /// The same for a seed, a round and the place of a reader, whatever came before.
+    fn new(seed: u64, round: u64, place: usize) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream((round << 8) | place as u64);
+        Self(rng)
     }
 
     /// A number below `end`, 0 where there is none.
     fn below(&mut self, end: usize) -> usize {
-        (self.next() >> 16) as usize % end.max(1)
+        self.0.random_range(0..end.max(1))
     }
 
     /// One of the files, changed in one to four places.
@@ -235,7 +237,7 @@ impl Random {
         let piece = at..(at + self.below(64)).min(bytes.len());
         match self.below(8) {
             0 => bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte ^= 1 << self.below(8)),
-            1 => bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte = self.next() as u8),
+            1 => bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte = self.0.random()),
             2 => bytes.truncate(at),
             3 => drop(bytes.drain(piece)),
             // A piece again, up to a thousand times.
