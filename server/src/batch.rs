@@ -28,6 +28,8 @@ pub(crate) struct Sharing {
     pub(crate) threads: Threads,
     /// Scans that one run may have.
     pub(crate) most: usize,
+    /// How many may ask at a time; more are turned away.
+    pub(crate) callers: usize,
 }
 
 /// A run's inputs, each `[batch, channel, ring, column]`; `noise` is empty where the model has none.
@@ -60,14 +62,16 @@ struct Runner {
 impl Batches {
     /// Loads the model into each session.
     pub(crate) fn start(model: &Arc<Model>, sharing: Sharing) -> Result<Self, SessionError> {
-        let Sharing { sessions, threads, most } = sharing;
-        // Every pipeline has at most one errand here, so that none is turned away.
-        let size = Size { name: format!("batch-{}", model.name), workers: sessions, queue: sessions * most };
-        let model = Arc::clone(model);
+        let Sharing { sessions, threads, most, callers } = sharing;
+        let size = Size { name: format!("batch-{}", model.name), workers: sessions, queue: callers };
+        let waiting = Arc::<Mutex<VecDeque<Order>>>::default();
+        let (model, orders) = (Arc::clone(model), Arc::clone(&waiting));
         let sessions = Pool::start(&size, move || {
-            Ok::<_, SessionError>(Runner { session: model.session(threads)?, scan: Vec::new(), noise: Vec::new() })
+            // An errand that has no session takes no order: what waits fails, rather than wait for nobody.
+            let session = model.session(threads).inspect_err(|_| lock(&orders).clear())?;
+            Ok::<_, SessionError>(Runner { session, scan: Vec::new(), noise: Vec::new() })
         })?;
-        Ok(Self { sessions, waiting: Arc::default(), most })
+        Ok(Self { sessions, waiting, most })
     }
 
     /// Runs the model on the inputs, in company or alone, and gives them back with the outputs. Blocks.
@@ -77,8 +81,10 @@ impl Batches {
         let errand = {
             // Under one lock: with orders and errands in the same order, no order is left without an errand that takes it.
             let mut orders = lock(&self.waiting);
+            let errand =
+                self.sessions.begin(move |runner: &mut Runner, _| runner.run_all(take(&mut lock(&waiting), most)))?;
             orders.push_back(Order { inputs, reply });
-            self.sessions.begin(move |runner: &mut Runner, _| runner.run_all(take(&mut lock(&waiting), most)))
+            errand
         };
         let answered = answer.recv();
         // If another errand took the order, nobody wants this one any more.
@@ -171,6 +177,7 @@ mod tests {
 
     use super::*;
     use crate::model::MAX_MODEL_BYTES;
+    use crate::worker::PoolError;
 
     type Outcome = Result<(), Box<dyn std::error::Error>>;
 
@@ -208,6 +215,40 @@ mod tests {
         Inputs { size: [1, sensor.rings().len(), sensor.columns()], scan, noise }
     }
 
+    /// Who holds the session until he is told.
+    fn occupy(batches: &Batches) -> Result<(mpsc::Sender<()>, impl Sized), Box<dyn std::error::Error>> {
+        let (go, wait) = mpsc::channel::<()>();
+        let (begin, begun) = mpsc::channel::<()>();
+        let busy = batches.sessions.begin(move |_, _| {
+            let _ = begin.send(());
+            let _ = wait.recv();
+        })?;
+        begun.recv()?;
+        Ok((go, busy))
+    }
+
+    #[test]
+    fn who_comes_beyond_the_number_of_callers_is_told_so() -> Outcome {
+        let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/models/passthrough/2/model.onnx");
+        let model = Arc::new(Model::read(&file, MAX_MODEL_BYTES)?);
+        let batches = Batches::start(&model, Sharing { sessions: 1, threads: 1.into(), most: 4, callers: 1 })?;
+        let (go, busy) = occupy(&batches)?;
+        let first = thread::scope(|scope| {
+            let first = scope.spawn(|| batches.run(inputs(&model, 0)));
+            while batches.sessions.has_room() {
+                thread::yield_now();
+            }
+            let second = batches.run(inputs(&model, 1));
+            assert!(matches!(second, Err(InferenceError::Refused(PoolError::Full))), "{second:?}");
+            let _ = go.send(());
+            first.join().map_err(|_| "panicked")
+        })?;
+        drop(busy);
+        assert_eq!(first?.0.scan.len(), inputs(&model, 0).scan.len());
+        assert!(lock(&batches.waiting).is_empty());
+        Ok(())
+    }
+
     /// Of the stand-in and of every model that we ship.
     #[test]
     fn what_waits_runs_as_one_and_each_gets_what_it_would_get_alone() -> Outcome {
@@ -223,17 +264,11 @@ mod tests {
     fn together_as_alone(file: &str) -> Outcome {
         let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(file);
         let model = Arc::new(Model::read(&file, MAX_MODEL_BYTES)?);
-        let batches = Batches::start(&model, Sharing { sessions: 1, threads: 2.into(), most: 4 })?;
+        let batches = Batches::start(&model, Sharing { sessions: 1, threads: 2.into(), most: 4, callers: 6 })?;
         let alone = |number| Ok::<_, InferenceError>(batches.run(inputs(&model, number))?.1);
         let alone = (0..6).map(alone).collect::<Result<Vec<_>, _>>()?;
         assert!(alone[0] != alone[1]);
-        let (go, wait) = mpsc::channel::<()>();
-        let (begin, begun) = mpsc::channel::<()>();
-        let busy = batches.sessions.begin(move |_, _| {
-            let _ = begin.send(());
-            let _ = wait.recv();
-        });
-        begun.recv()?;
+        let (go, busy) = occupy(&batches)?;
         let together = thread::scope(|scope| {
             let (batches, model) = (&batches, &model);
             let ask = |number| scope.spawn(move || batches.run(inputs(model, number)));

@@ -151,7 +151,7 @@ fn start_pool(model: &Arc<Model>, options: WorkerOptions) -> Result<ScanPool, Pi
     if most == 1 {
         return Pool::start(&size, move || Pipeline::new(&model, options.threads));
     }
-    let sharing = Sharing { sessions: options.workers, threads: options.threads, most };
+    let sharing = Sharing { sessions: options.workers, threads: options.threads, most, callers: size.workers };
     let batches = Arc::new(Batches::start(&model, sharing)?);
     Pool::start(&size, move || Pipeline::sharing(&model, &batches))
 }

@@ -13,6 +13,7 @@ use thiserror::Error;
 
 use crate::batch::{Batches, Inputs, Values};
 use crate::model::{Model, SessionError};
+use crate::worker::PoolError;
 
 /// A loaded model and its input tensors.
 #[derive(Debug)]
@@ -85,6 +86,9 @@ pub enum InferenceError {
     /// The run ended in a panic, its own or that of those it shared it with.
     #[error("the run panicked")]
     Panicked,
+    /// The sessions that it would share take no more.
+    #[error("no session: {0}")]
+    Refused(#[from] PoolError),
 }
 
 impl Generator {
