@@ -4,7 +4,7 @@ BIN := $(CARGO_TARGET_DIR)/release
 PYTHON_ENV := $(CARGO_TARGET_DIR)/python
 export REALBEAM_PYTHON ?= $(PYTHON_ENV)/bin/python
 
-.PHONY: build demo test page lint deny bench
+.PHONY: build demo test fuzz page lint deny bench
 
 # All targets in one go: Cargo would otherwise build Burn a second time for the tests, whose dependencies switch on other features.
 build:
@@ -17,6 +17,11 @@ demo: build
 test: build
 	@scripts/python-env.sh $(PYTHON_ENV)
 	cargo test --release --locked --workspace
+
+# A minute of mutated files for everything that reads a stranger's bytes; `make fuzz FUZZ_S=3600` takes longer.
+FUZZ_S ?= 60
+fuzz: build
+	REALBEAM_FUZZ_S=$(FUZZ_S) cargo test --release --locked --workspace --test fuzz -- --nocapture
 
 # Looks at the server's page in a headless Chromium, and writes what it saw; needs `pip install playwright` and says so where it is missing.
 page: build

@@ -1,15 +1,19 @@
 //! Everything that reads a stranger's bytes, given files that are nearly right: nothing panics, and nothing takes much more memory than
 //! the file has bytes.
 //!
-//! A fixed number of mutations, or as many as fit into `REALBEAM_FUZZ_S` seconds, from the seed `REALBEAM_FUZZ_SEED`:
+//! Each reader in a process of its own, as many at a time as there are cores. It gets a fixed number of mutations, or as many as fit into
+//! `REALBEAM_FUZZ_S` seconds, from the seed `REALBEAM_FUZZ_SEED`:
 //!
-//!     REALBEAM_FUZZ_S=600 cargo test --release --locked -p server --test fuzz -- --nocapture
+//!     REALBEAM_FUZZ_S=60 cargo test --release --locked -p server --test fuzz -- --nocapture
 
 use std::any::Any;
 use std::fs;
 use std::hint::black_box;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use lidar::PointCloud;
@@ -24,15 +28,19 @@ use server::onnx_file::OnnxFile;
 
 type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Counts what is allocated, in this whole process: there is one test in it.
+/// Counts what is allocated, in this whole process: a reader's has nothing else in it.
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
+
+/// Names the reader of a process.
+const READER: &str = "REALBEAM_FUZZ_READER";
 
 /// Mutations of each reader's files.
 const ROUNDS: u64 = 15_000;
 
 /// Points of a scan, few beside what a crafted count asks for.
-const LIMITS: Limits = Limits { max_points: 1000, carla_tags: lidar::label::CarlaTags::Since0914 };
+const LIMITS: Limits =
+    Limits { max_points: 1000, max_unpacked_bytes: 192 << 10, carla_tags: lidar::label::CarlaTags::Since0914 };
 
 /// Bytes that a reader may have at a time, for an input of so many.
 fn most_memory(input: usize) -> usize {
@@ -51,45 +59,72 @@ struct Reader {
 
 #[test]
 fn no_mutated_file_makes_a_reader_panic_or_take_more_memory_than_is_its_due() -> Result {
+    let names: Vec<String> = readers()?.into_iter().map(|reader| reader.name).collect();
+    let program = std::env::current_exe()?;
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut faults = Vec::new();
+        while let Some(name) = names.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let mut child = Command::new(&program);
+            let child = child.args(["--exact", "--ignored", "--nocapture", "one_reader"]).env(READER, name);
+            match child.output() {
+                Ok(child) if child.status.success() => print!("{}", said(&child.stdout)),
+                Ok(child) => faults.push(format!("{}{}", said(&child.stdout), String::from_utf8_lossy(&child.stderr))),
+                Err(error) => faults.push(format!("{name}: {error}")),
+            }
+        }
+        faults
+    };
+    let faults: Vec<String> = thread::scope(|scope| {
+        let workers: Vec<_> = (0..thread::available_parallelism()?.get()).map(|_| scope.spawn(&work)).collect();
+        let faults = workers.into_iter().map(|worker| worker.join().map_err(|_| "a worker panicked"));
+        Ok::<_, Box<dyn std::error::Error>>(faults.collect::<std::result::Result<Vec<_>, _>>()?.concat())
+    })?;
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    Ok(())
+}
+
+/// What a reader's process says of it.
+fn said(stdout: &[u8]) -> String {
+    let lines = String::from_utf8_lossy(stdout);
+    lines.lines().filter(|line| line.contains(" mutations ")).map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+#[ignore = "run by the test above, once for each reader"]
+fn one_reader() -> Result {
+    let Ok(name) = std::env::var(READER) else { return Ok(()) };
     let time = std::env::var("REALBEAM_FUZZ_S").ok().map(|seconds| seconds.parse()).transpose()?;
     let seed: u64 = std::env::var("REALBEAM_FUZZ_SEED").map_or(Ok(0), |seed| seed.parse())?;
     let readers = readers()?;
-    for reader in &readers {
-        assert!(reader.seeds.iter().all(|seed| (reader.read)(seed)), "a seed of {} is not taken as it is", reader.name);
-    }
+    let place = readers.iter().position(|reader| reader.name == name).ok_or("no reader of this name")?;
+    let reader = &readers[place];
+    assert!(reader.seeds.iter().all(|seed| (reader.read)(seed)), "a seed of {name} is not taken as it is");
     assert!(attempt(&bad_reader(|| drop(black_box(vec![1_u8; 17 << 20]))), &[]).is_err(), "memory is seen");
-    let (started, mut rounds, mut taken) = (Instant::now(), 0, vec![0; readers.len()]);
+    let (started, mut rounds, mut taken) = (Instant::now(), 0, 0);
     // Panics that a reader catches itself are its own affair.
     let hook = take_hook();
     set_hook(Box::new(|_| ()));
     assert!(attempt(&bad_reader(|| panic!()), &[]).is_err(), "a panic is seen");
     let mut fault = None;
-    let over = |round| time.map_or(round == ROUNDS, |time| started.elapsed() >= Duration::from_secs(time));
-    'rounds: for round in (0..).take_while(|round| !over(*round)) {
-        rounds = round + 1;
-        for (place, reader) in readers.iter().enumerate() {
-            let mut random = Random::new(seed, round, place);
-            let bytes = random.mutated(&reader.seeds);
-            match attempt(reader, &bytes) {
-                Ok(is_taken) => taken[place] += u64::from(is_taken),
-                Err(problem) => {
-                    fault = Some((reader, bytes, problem));
-                    break 'rounds;
-                }
-            }
+    let is_over = |round| time.map_or(round == ROUNDS, |time| started.elapsed() >= Duration::from_secs(time));
+    while fault.is_none() && !is_over(rounds) {
+        let bytes = Random::new(seed, rounds, place).mutated(&reader.seeds);
+        match attempt(reader, &bytes) {
+            Ok(is_taken) => taken += u64::from(is_taken),
+            Err(problem) => fault = Some((bytes, problem)),
         }
+        rounds += 1;
     }
     set_hook(hook);
-    println!("{rounds} mutations of the files of each reader in {:.1?}; taken are", started.elapsed());
-    for (reader, taken) in readers.iter().zip(&taken) {
-        println!("{taken:>10} of {}", reader.name);
-        let is_mixed = *taken > 0 && *taken < rounds;
-        assert!(is_mixed || fault.is_some(), "mutations are neither harmless nor hopeless: {taken} of {}", reader.name);
-    }
-    let Some((reader, bytes, problem)) = fault else { return Ok(()) };
-    let file = std::env::temp_dir().join(format!("realbeam-fuzz.{}", reader.name));
+    println!("{name}: {rounds} mutations in {:.1?}, {taken} of them are taken", started.elapsed());
+    let Some((bytes, problem)) = fault else {
+        assert!(taken > 0 && taken < rounds, "mutations are neither harmless nor hopeless");
+        return Ok(());
+    };
+    let file = std::env::temp_dir().join(format!("realbeam-fuzz.{name}"));
     fs::write(&file, bytes)?;
-    Err(format!("{}: {problem}; the file is {}", reader.name, file.display()).into())
+    Err(format!("{name}: {problem}; the file is {}", file.display()).into())
 }
 
 /// Whether the bytes are taken, or what is wrong with the reader.
