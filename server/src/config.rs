@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use lidar::formats;
+use lidar::label::CarlaTags;
 
 use crate::address::Address;
 use crate::canary::Canary;
@@ -75,6 +76,8 @@ pub struct RequestLimits {
     pub max_body_bytes: usize,
     /// Points that a scan may have.
     pub max_points: usize,
+    /// Bytes that a compressed scan may unpack to, beside those of the bodies.
+    pub max_unpacked_bytes: usize,
     /// Range images that a request for a generator alone may have.
     pub max_batch: usize,
     /// Bytes that the bodies and answers of all requests under way may have; at least `max_body_bytes`.
@@ -127,11 +130,20 @@ impl Default for Config {
     }
 }
 
+impl RequestLimits {
+    /// What a reader of scans accepts.
+    pub(crate) fn formats(&self, carla_tags: CarlaTags) -> formats::Limits {
+        let Self { max_points, max_unpacked_bytes, .. } = *self;
+        formats::Limits { max_points, max_unpacked_bytes, carla_tags }
+    }
+}
+
 impl Default for RequestLimits {
     fn default() -> Self {
         Self {
             max_body_bytes: 64 << 20,
             max_points: formats::Limits::default().max_points,
+            max_unpacked_bytes: formats::Limits::default().max_unpacked_bytes,
             max_batch: 8,
             max_inflight_bytes: 256 << 20,
             body_time: Duration::from_secs(30),

@@ -125,20 +125,15 @@ impl Format {
 pub struct Limits {
     /// Most points of one cloud. A file that holds or declares more is refused before anything is allocated.
     pub max_points: usize,
+    /// Most bytes that a file may unpack to, which a compressed one does not show.
+    pub max_unpacked_bytes: usize,
     /// CARLA's table of tags: files do not say which one they use.
     pub carla_tags: CarlaTags,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { max_points: 4_000_000, carla_tags: CarlaTags::Since0914 }
-    }
-}
-
-impl Limits {
-    /// Most bytes that a file may unpack to: 128 for each of [`max_points`](Self::max_points), and 64 KiB for headers.
-    pub fn max_unpacked_bytes(&self) -> usize {
-        self.max_points.saturating_mul(128).saturating_add(1 << 16)
+        Self { max_points: 4_000_000, max_unpacked_bytes: 512 << 20, carla_tags: CarlaTags::Since0914 }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::cloud::Column;
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, FormatError> {
     let mut archive = Archive::read(bytes)?;
     archive.entries.retain(|entry| entry.name.strip_suffix(".npy").is_some());
-    let mut budget = limits.max_unpacked_bytes();
+    let mut budget = limits.max_unpacked_bytes;
     archive.check_unpacked(budget)?;
     let mut members = Vec::new();
     for entry in &archive.entries {

@@ -159,7 +159,7 @@ pub(super) fn check_unpacked(
     limits: &Limits,
 ) -> Result<usize, FormatError> {
     let bytes = points as u128 * stride as u128;
-    let limit = limits.max_unpacked_bytes();
+    let limit = limits.max_unpacked_bytes;
     match usize::try_from(bytes) {
         Ok(bytes) if bytes <= limit => Ok(bytes),
         _ => Err(FormatError::TooMany { field: field.into(), offset, found: format!("{bytes} bytes"), limit }),

@@ -83,6 +83,9 @@ struct Convert {
     /// Points that a scan may have.
     #[arg(long, default_value_t = Limits::default().max_points)]
     max_points: usize,
+    /// Bytes that a file may unpack to.
+    #[arg(long, default_value_t = Limits::default().max_unpacked_bytes)]
+    max_unpacked_bytes: usize,
     /// Threads within an operator [default: all cores].
     #[arg(long, value_parser = positive)]
     threads: Option<usize>,
@@ -185,7 +188,7 @@ impl Convert {
                 Frame::Ros => proto::Frame::Ros,
                 Frame::Carla => proto::Frame::Carla,
             }),
-            limits: Limits { max_points: self.max_points, carla_tags },
+            limits: Limits { max_points: self.max_points, max_unpacked_bytes: self.max_unpacked_bytes, carla_tags },
             threads: self.threads.unwrap_or_else(cores),
         };
         let files = convert::convert(&conversion, &self.from, &self.to)?;

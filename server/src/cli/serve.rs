@@ -113,6 +113,9 @@ pub(super) struct Serve {
     /// Points that a scan may have; more is 413.
     #[arg(long, env = "REALBEAM_MAX_POINTS", default_value_t = RequestLimits::default().max_points)]
     max_points: usize,
+    /// Bytes that a compressed scan may unpack to, in each worker, beside those of bodies and answers; more is 413.
+    #[arg(long, env = "REALBEAM_MAX_UNPACKED_BYTES", default_value_t = RequestLimits::default().max_unpacked_bytes)]
+    max_unpacked_bytes: usize,
     /// Range images that a request for a generator alone may have; more is 422.
     #[arg(long, env = "REALBEAM_MAX_BATCH", default_value_t = RequestLimits::default().max_batch, value_parser = positive)]
     max_batch: usize,
@@ -201,6 +204,7 @@ impl Serve {
             requests: RequestLimits {
                 max_body_bytes: self.max_body_bytes,
                 max_points: self.max_points,
+                max_unpacked_bytes: self.max_unpacked_bytes,
                 max_batch: self.max_batch,
                 max_inflight_bytes: self.max_inflight_bytes,
                 body_time: self.body_time_s,

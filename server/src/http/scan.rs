@@ -7,7 +7,6 @@ use axum::extract::{Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use axum::response::Response;
-use lidar::formats::Limits;
 use lidar::label::CarlaTags;
 use proto::{AnswerType, ErrorCode, MediaType};
 
@@ -16,6 +15,7 @@ use super::query::{self, ScanQuery};
 use super::terms::Terms;
 use super::{App, answer, body, ring_counts};
 use crate::catalogue::Offer;
+use crate::config::RequestLimits;
 use crate::generator::Chance;
 use crate::pipeline::ScanJob;
 
@@ -65,7 +65,7 @@ impl Wish {
     }
 
     /// What a pipeline has to do with the scan.
-    pub(super) fn job(&self, bytes: Bytes, max_points: usize) -> ScanJob {
+    pub(super) fn job(&self, bytes: Bytes, limits: &RequestLimits) -> ScanJob {
         ScanJob {
             bytes,
             format: self.content.format,
@@ -73,7 +73,7 @@ impl Wish {
             frame: self.query.frame.unwrap_or(self.content.frame),
             ring_counts: self.ring_counts.clone(),
             chance: Chance { seed: self.seed, noise: self.query.noise },
-            limits: Limits { max_points, carla_tags: self.query.tags.unwrap_or(CarlaTags::Since0914) },
+            limits: limits.formats(self.query.tags.unwrap_or(CarlaTags::Since0914)),
         }
     }
 }

@@ -31,7 +31,7 @@ impl App {
         entered: (Option<Place>, Option<Superseded>),
         bytes: Bytes,
     ) -> Result<ScanAnswer, ApiError> {
-        let job = wish.job(bytes, self.limits.max_points);
+        let job = wish.job(bytes, &self.limits);
         let work = move |pipeline: &mut Pipeline, caller: Caller<'_>| Ok(pipeline.run(&job, caller)?);
         self.work(&wish.offer, &wish.terms, entered, work).await
     }

@@ -110,6 +110,20 @@ fn too_many_bytes_or_points_are_413() -> Result {
 }
 
 #[test]
+fn a_scan_that_unpacks_to_too_much_is_413() -> Result {
+    let (packed, plain) = (formats::encode(Format::Laz, &scan())?, formats::encode(Format::Las, &scan())?);
+    let mut config = config()?;
+    config.requests.max_unpacked_bytes = 2 * packed.len();
+    assert!(config.requests.max_unpacked_bytes < plain.len());
+    let service = Service::with(&config)?;
+    let headers = [("content-type", "application/vnd.laz")];
+    assert_error(&service.scan("", &headers, &packed)?, 413, ErrorCode::TooManyPoints, "bytes")?;
+    config.requests.max_unpacked_bytes = plain.len();
+    Service::with(&config)?.scan("", &headers, &packed)?.success()?;
+    Ok(())
+}
+
+#[test]
 fn a_refusal_reaches_a_client_that_sends_its_whole_scan_first() -> Result {
     let service = Service::start()?;
     // More than fits into the sockets' buffers, so that the client is still sending when it is refused.

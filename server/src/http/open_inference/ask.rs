@@ -1,7 +1,7 @@
 //! What is asked of a model of the protocol, however it came, and the answer.
 
 use axum::body::Bytes;
-use lidar::formats::{Format, Limits};
+use lidar::formats::Format;
 use lidar::label::CarlaTags;
 use proto::open_inference::{Answer, InferRequest, Tensor};
 use proto::{ErrorCode, Form, Frame};
@@ -75,7 +75,7 @@ impl Ask {
         (pipeline, caller): (&mut Pipeline, Caller<'_>),
     ) -> Result<Inferred<Answer>, ApiError> {
         if self.model.is_pipeline {
-            self.scan(given, watch, limits.max_points, (pipeline, caller))
+            self.scan(given, watch, limits, (pipeline, caller))
         } else {
             self.generate(given, watch, limits.max_batch, (pipeline, caller))
         }
@@ -86,7 +86,7 @@ impl Ask {
         &self,
         given: Given,
         mut watch: Stopwatch,
-        max_points: usize,
+        limits: &RequestLimits,
         (pipeline, caller): (&mut Pipeline, Caller<'_>),
     ) -> Result<Inferred<Answer>, ApiError> {
         let (request, points) = match given {
@@ -106,7 +106,7 @@ impl Ask {
             frame: query.frame.unwrap_or(Frame::Ros),
             ring_counts: self.ring_counts.clone(),
             chance: Chance { seed, noise: query.noise },
-            limits: Limits { max_points, carla_tags: CarlaTags::Since0914 },
+            limits: limits.formats(CarlaTags::Since0914),
         };
         watch.lap(Stage::Decode);
         let scan = pipeline.run(&job, caller)?;
