@@ -92,14 +92,19 @@ fn bodies_are_let_in_by_their_announced_length_and_the_others_told_to_wait() -> 
     let service = Service::with(&config)?;
     let body = bin()?;
     assert_eq!(body.len(), 92_160);
+    let are_under_way = |bytes: usize| {
+        wait_until(&format!("{bytes} bytes are under way"), || {
+            let metrics = String::from_utf8(service.get("/metrics")?.success()?)?;
+            Ok(metrics.lines().any(|line| line == format!("realbeam_inflight_bytes {bytes}")))
+        })
+    };
     let mut first = half_sent(&service, 192_000)?;
     service.scan("", &[], &body)?.success()?;
+    // An answer may be read before the service knows that it has left.
+    are_under_way(192_000)?;
     let second = half_sent(&service, 96_000)?;
     // A third one that came before the head of the second one is read would take its place.
-    wait_until("two bodies are under way", || {
-        let metrics = String::from_utf8(service.get("/metrics")?.success()?)?;
-        Ok(metrics.lines().any(|line| line == "realbeam_inflight_bytes 288000"))
-    })?;
+    are_under_way(288_000)?;
     let refused = service.scan("", &[], &body)?;
     assert_eq!((refused.error()?.code, refused.header("retry-after")), (ErrorCode::TooManyBytes, "1"));
     assert!(refused.error()?.error.contains("bodies of 288000 bytes are under way"), "{}", refused.error()?.error);

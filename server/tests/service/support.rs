@@ -42,7 +42,12 @@ pub(crate) fn config() -> Result<Config> {
         default_model: "passthrough".into(),
         addr: "127.0.0.1:0".parse()?,
         workers: WorkerOptions { workers: 1, threads: 1.into(), batch: 1, queue: 64 },
-        requests: RequestLimits { max_body_bytes: 8 << 20, max_points: 100_000, ..RequestLimits::default() },
+        requests: RequestLimits {
+            max_body_bytes: 8 << 20,
+            max_points: 100_000,
+            max_unpacked_bytes: 12 << 20,
+            ..RequestLimits::default()
+        },
         ..Config::default()
     })
 }
