@@ -14,6 +14,7 @@ mod metrics;
 mod models;
 mod open_inference;
 mod page;
+mod plugins;
 mod ring_counts;
 mod support;
 mod swap;
