@@ -121,8 +121,8 @@ impl Learner for Translating {
 /// The network, its batch norms with the statistics of these scans alone, as in stochastic weight averaging (Izmailov et al., 2018): in
 /// training they have seen real scans and answers as well, which are none of what the network will be shown.
 fn settled(network: &Resnet, scans: impl Iterator<Item = View>) -> Resnet {
-    // Clones share the statistics of batch norms; `valid` has its own.
-    let network = network.valid().train();
+    // Clones share the statistics of batch norms; `valid` has its own. Without gradients nothing of a forward pass is kept.
+    let network = network.valid().train().no_grad();
     for View { image, condition, .. } in scans {
         network.forward(image, &condition);
     }
