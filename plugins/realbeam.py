@@ -45,11 +45,12 @@ class Scan:
 class Client:
     """A service, over one connection that is kept. Threads may share a client; their scans go one after the other.
 
-    `token` is the service's token, if it has one (or REALBEAM_TOKEN); `context` an `ssl.SSLContext` for https with a certificate of
+    `noise` and `tags` are the service's (`tags="0.9.13"` for CARLA up to that version). `token` is the service's token, if it has one (or
+    REALBEAM_TOKEN); `context` an `ssl.SSLContext` for https with a certificate of
     one's own.
     """
 
-    def __init__(self, url, model=None, seed=None, token=None, timeout_s=30.0, context=None):
+    def __init__(self, url, model=None, seed=None, noise=None, tags=None, token=None, timeout_s=30.0, context=None):
         address = urllib.parse.urlsplit(url)
         if address.scheme not in ("http", "https") or not address.hostname:
             raise ValueError(f"{url!r} is no address of a service: expected http://HOST:PORT or https://HOST:PORT")
@@ -58,7 +59,7 @@ class Client:
             self._connection = http.client.HTTPSConnection(address.hostname, address.port, timeout=timeout_s, context=context)
         else:
             self._connection = http.client.HTTPConnection(address.hostname, address.port, timeout=timeout_s)
-        asked = {"model": model, "seed": seed}
+        asked = {"model": model, "seed": seed, "noise": noise, "tags": tags}
         query = urllib.parse.urlencode({key: value for key, value in asked.items() if value is not None})
         self._path = address.path.rstrip("/") + "/v1/scan" + ("?" + query if query else "")
         self._info_path = address.path.rstrip("/") + "/info"

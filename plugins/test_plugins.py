@@ -86,6 +86,8 @@ class Client(unittest.TestCase):
         records = list(struct.iter_unpack("<4f2I", scan.data))
         self.assertEqual(len(records), counted(scan)[1])
         self.assertEqual({record[4:] for record in records}, {(7, 1)})
+        with realbeam.Client(URL, noise="median", tags="0.9.13") as older:
+            self.assertEqual({tag[4] for tag in struct.iter_unpack("<4f2I", older.carla(SemanticLidarMeasurement()).data)}, {7})
 
     def test_another_format_may_be_asked_for(self):
         self.assertTrue(self.client.carla(LidarMeasurement(), accept="model/x-ply").data.startswith(b"ply\n"))
