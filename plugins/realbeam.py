@@ -151,12 +151,12 @@ class Client:
 class Latest:
     """A sensor's callback that never waits: it keeps the newest scan, and a thread of its own sends one after the other.
 
-    `ask` makes a scan realistic (`client.carla`), `then` is given each answer, `failed` each error (by default it is logged). A scan that a newer one
+    `ask` makes a scan realistic (`client.carla`), `then` is given each answer, `failed` each error of either (by default it is logged). A scan that a newer one
     replaces before it is sent is counted in `superseded`."""
 
     def __init__(self, ask, then, failed=None):
         self._ask, self._then = ask, then
-        self._failed = failed or (lambda error: log.error("a scan is lost: %s", error))
+        self._failed = failed or (lambda error: log.error("a scan is lost: %s", error, exc_info=error))
         self._changed = threading.Condition()
         self._pending, self._closed = [], False
         self.superseded = 0

@@ -5,19 +5,11 @@ use std::process::Command;
 use proto::ErrorCode;
 use tempfile::NamedTempFile;
 
-use crate::support::{Result, Service, bin, data};
+use crate::support::{Result, Service, bin, data, python};
 
 #[test]
 fn the_unmodified_tritonclient_gets_everything_that_it_can_ask_for() -> Result {
-    let python = std::env::var("REALBEAM_PYTHON").unwrap_or_else(|_| "python3".into());
-    let import = Command::new(&python).args(["-c", "import tritonclient.http, tritonclient.grpc"]).output();
-    if !import.as_ref().is_ok_and(|output| output.status.success()) {
-        assert!(std::env::var("CI").as_deref() != Ok("true"), "{python} cannot import tritonclient: {import:?}");
-        eprintln!(
-            "skipped: {python} cannot import tritonclient; set REALBEAM_PYTHON or pip install 'tritonclient[http,grpc]'"
-        );
-        return Ok(());
-    }
+    let Some(python) = python("tritonclient.http, tritonclient.grpc") else { return Ok(()) };
     let service = Service::start()?;
     let scan = NamedTempFile::new()?;
     std::fs::write(scan.path(), bin()?)?;

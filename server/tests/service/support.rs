@@ -2,6 +2,7 @@
 
 use std::net::TcpStream;
 use std::path::PathBuf;
+use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -147,6 +148,18 @@ impl Answer {
         assert!(!error.request_id.is_empty());
         Ok(error)
     }
+}
+
+/// The Python that has these modules; none only outside CI, and then it says that a test is skipped.
+pub(crate) fn python(modules: &str) -> Option<String> {
+    let python = std::env::var("REALBEAM_PYTHON").unwrap_or_else(|_| "python3".into());
+    let imported = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
+    if imported.as_ref().is_ok_and(|output| output.status.success()) {
+        return Some(python);
+    }
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "{python} cannot import {modules}: {imported:?}");
+    eprintln!("skipped: {python} cannot import {modules}; set REALBEAM_PYTHON, or see scripts/python-env.sh");
+    None
 }
 
 /// Waits until something is so, for as long as a busy machine may need.
