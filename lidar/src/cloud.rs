@@ -197,6 +197,11 @@ impl PointCloud {
         gather(&mut self.y, &from.y, indices);
         gather(&mut self.z, &from.z, indices);
         gather(&mut self.intensity, &from.intensity, indices);
+        self.select_rest_from(from, indices);
+    }
+
+    /// [`select_from`](Self::select_from) without place and intensity.
+    pub(crate) fn select_rest_from(&mut self, from: &Self, indices: &[u32]) {
         self.full_scale = from.full_scale;
         gather_option(&mut self.ring, from.ring.as_deref(), indices);
         gather_option(&mut self.label, from.label.as_deref(), indices);

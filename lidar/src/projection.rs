@@ -284,25 +284,30 @@ impl Projection {
         for length in [measured.range_m.len(), measured.reflectance.len(), measured.keep.len()] {
             assert_eq!(length, pixels, "measured channels of the image's size");
         }
-        // Without a branch: a model's drops follow no pattern that a processor could foresee.
-        self.selected.clear();
-        self.selected.resize(cloud.len(), 0);
+        // Every point is moved and written, and the next one over it if its ray is not kept: a branch would not be foreseen, for a model's
+        // drops follow no pattern.
+        let points = cloud.len();
+        self.selected.resize(points, 0);
+        for values in [&mut out.x, &mut out.y, &mut out.z, &mut out.intensity] {
+            values.resize(points, 0.0);
+        }
+        let places = cloud.x.iter().zip(&cloud.y).zip(&cloud.z);
         let mut kept = 0;
-        for (i, pixel) in self.pixel_of_point.iter().enumerate() {
+        for ((i, pixel), ((x, y), z)) in (0..).zip(&self.pixel_of_point).zip(places) {
             let pixel = *pixel as usize;
-            self.selected[kept] = i as u32;
-            kept += usize::from(pixel < pixels && measured.keep[pixel] && measured.range_m[pixel] > 0.0);
+            let Some(simulated_m) = self.image.range_m.get(pixel) else { continue };
+            let measured_m = measured.range_m[pixel];
+            let stretch = measured_m / simulated_m;
+            (out.x[kept], out.y[kept], out.z[kept]) = (x * stretch, y * stretch, z * stretch);
+            out.intensity[kept] = measured.reflectance[pixel] * cloud.full_scale;
+            self.selected[kept] = i;
+            kept += usize::from(measured.keep[pixel] & (measured_m > 0.0));
+        }
+        for values in [&mut out.x, &mut out.y, &mut out.z, &mut out.intensity] {
+            values.truncate(kept);
         }
         self.selected.truncate(kept);
-        out.select_from(cloud, &self.selected);
-        for (k, i) in self.selected.iter().enumerate() {
-            let pixel = self.pixel_of_point[*i as usize] as usize;
-            let stretch = measured.range_m[pixel] / self.image.range_m[pixel];
-            out.x[k] *= stretch;
-            out.y[k] *= stretch;
-            out.z[k] *= stretch;
-            out.intensity[k] = measured.reflectance[pixel] * cloud.full_scale;
-        }
+        out.select_rest_from(cloud, &self.selected);
     }
 }
 

@@ -11,11 +11,14 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// Channel 0 decides ray drop; channels 1… are the model's `noise` input.
 pub fn uniform(seed: u64, channel: u32, columns: usize, out: &mut [f32]) {
     let key = ChaCha8Rng::seed_from_u64(seed);
+    let mut bytes = vec![0; 4 * columns.min(out.len())];
     for (ring, row) in out.chunks_mut(columns.max(1)).enumerate() {
         let mut words = key.clone();
         words.set_stream((u64::from(channel) << 32) | ring as u64);
-        for value in row {
-            *value = (words.next_u32() >> 8) as f32 / (1u32 << 24) as f32;
+        let bytes = &mut bytes[..4 * row.len()];
+        words.fill_bytes(bytes);
+        for (value, word) in row.iter_mut().zip(bytes.as_chunks().0) {
+            *value = (u32::from_le_bytes(*word) >> 8) as f32 / (1u32 << 24) as f32;
         }
     }
 }

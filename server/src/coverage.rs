@@ -27,16 +27,16 @@ impl Coverage {
     /// The coverage of a projected scan.
     pub fn of(projection: &Projection) -> Self {
         let (image, report) = (&projection.image, &projection.report);
-        let columns = image.columns().max(1);
-        let mut seen = [false; SECTORS];
-        for row in image.range_m().chunks(columns) {
-            for (column, range_m) in row.iter().enumerate() {
-                seen[column * SECTORS / columns] |= *range_m > 0.0;
-            }
-        }
+        let columns = image.columns();
+        let seen = |sector: &usize| {
+            // The columns whose share of the turn, column · SECTORS / columns, is this sector.
+            let [from, to] = [*sector, sector + 1].map(|sector| (sector * columns).div_ceil(SECTORS));
+            image.range_m().chunks(columns.max(1)).any(|row| row[from..to].iter().any(|range_m| *range_m > 0.0))
+        };
+        let seen = (0..SECTORS).filter(seen).count();
         Self {
             rings: report.rings_seen as f64 / image.rings().max(1) as f64,
-            turn: seen.iter().filter(|s| **s).count() as f64 / SECTORS as f64,
+            turn: seen as f64 / SECTORS as f64,
             lost: report.lost as f64 / (report.projected + report.lost).max(1) as f64,
         }
     }

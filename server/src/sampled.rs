@@ -52,15 +52,19 @@ impl Sampled {
         self.range_m.extend_from_slice(range_m);
         self.reflectance.clear();
         self.reflectance.extend(reflectance.iter().map(|r| r.clamp(0.0, 1.0)));
-        let (mut nan, mut rays) = (0, 0);
-        for (i, simulated_m) in image.range_m().iter().enumerate() {
-            let counts = adds_returns || *simulated_m > 0.0;
-            let is_nan = range_m[i].is_nan() || reflectance[i].is_nan() || probability[i].is_nan();
-            rays += usize::from(counts);
-            nan += usize::from(counts && is_nan);
-            self.keep[i] &= counts && range_m[i] > 0.0 && range_m[i].is_finite();
+        let (mut nan, mut rays) = (0u32, 0u32);
+        let said = range_m.iter().zip(reflectance).zip(probability);
+        for ((keep, &simulated_m), ((&range_m, &reflectance), &probability)) in
+            self.keep.iter_mut().zip(image.range_m()).zip(said)
+        {
+            let counts = adds_returns || simulated_m > 0.0;
+            let is_nan = range_m.is_nan() || reflectance.is_nan() || probability.is_nan();
+            // Fewer rays than 2³²; a checked addition would keep the loop from being vectorised.
+            rays = rays.wrapping_add(u32::from(counts));
+            nan = nan.wrapping_add(u32::from(counts & is_nan));
+            *keep &= counts & (range_m > 0.0) & (range_m < f32::INFINITY);
         }
-        if nan > 0 { Err(NotANumber { nan, rays }.into()) } else { Ok(()) }
+        if nan > 0 { Err(NotANumber { nan: nan as usize, rays: rays as usize }.into()) } else { Ok(()) }
     }
 
     /// The rays, for reconstruction.
