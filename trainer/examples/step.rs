@@ -14,7 +14,7 @@ use trainer::backend::Backend;
 use trainer::network::PatchHeads;
 use trainer::network::resnet::IMAGE_CHANNELS;
 use trainer::translation::TranslationConfig;
-use trainer::translation::method::{Setting, Step, adversarial};
+use trainer::translation::method::{Setting, Step, approach};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -31,7 +31,7 @@ fn main() -> Result<()> {
     let (generator, reporting) = (config.training_generator()?, config.reporting()?);
     let image_numbers = IMAGE_CHANNELS * rings * columns;
     let setting = Setting { generator, reporting, losses: config.losses, image_numbers };
-    let mut method = adversarial(&config, setting, &device).context("a method with a discriminator")?;
+    let mut method = approach(&config, setting, &device)?.context("a method with a discriminator")?;
     println!(
         "{}",
         serde_json::json!({

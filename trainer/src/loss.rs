@@ -45,7 +45,8 @@ pub(crate) fn cross_entropy(logit: Tensor<4>, outcome: Tensor<4>) -> Tensor<4> {
     relu(logit.clone()) - logit.clone() * outcome + (logit.abs().neg().exp() + 1.0).log()
 }
 
-fn weighted_mean(value: Tensor<4>, weight: Tensor<4>) -> Tensor<1> {
+/// The mean of values that count as much as their weights say.
+pub(crate) fn weighted_mean(value: Tensor<4>, weight: Tensor<4>) -> Tensor<1> {
     // A batch without a single case (unobserved drops only) weighs nothing rather than 0/0.
     (value * weight.clone()).sum() / weight.sum().clamp_min(1.0)
 }

@@ -16,7 +16,7 @@ use trainer::realness::Protocol;
 use trainer::segmentation::weights::SegmentationCard;
 use trainer::segmentation::{DarknetConfig, Segmentation};
 use trainer::train::{Run, checkpoint};
-use trainer::translation::method::{Setting, Step, adversarial};
+use trainer::translation::method::{Setting, Step, approach};
 use trainer::translation::sampler::scans;
 use trainer::translation::table::{Table, evaluate};
 use trainer::translation::training::best_network;
@@ -101,7 +101,7 @@ fn learned(method: &str, start: u64) -> Result<(f32, f32), Box<dyn std::error::E
     let mut learner = {
         let _alone = STARTS.lock().unwrap_or_else(PoisonError::into_inner);
         device.seed(start);
-        adversarial(&config, setting, &device).ok_or("it plays against nobody")?
+        approach(&config, setting, &device)?.ok_or("it plays against nobody")?
     };
     let domain = |images: Vec<RangeImage>| Domain { images, datasets: vec![] };
     let sampler = Sampler {
@@ -211,6 +211,40 @@ fn damaged_weights_are_an_error_and_never_a_random_network() -> Fact {
     Ok(())
 }
 
+#[test]
+fn a_student_comes_to_answer_as_its_teacher_does() -> Fact {
+    let root = tempfile::tempdir()?;
+    write_domains(root.path())?;
+    let run = |name: &str| Run { out: root.path().join(name), ..run(root.path()) };
+    let taught = config("cls2r", "steps = 40\ncheckpoint_every = 40\nsamples_every = 0")?;
+    train(&taught, &run("teacher"))?;
+    let student = |steps: usize| -> Result<TranslationConfig, Box<dyn std::error::Error>> {
+        let schedule = format!("steps = {steps}\ncheckpoint_every = {steps}\nsamples_every = {steps}");
+        Ok(config("distil", &schedule)?.with_teacher(Some(run("teacher").out))?)
+    };
+    let (image, device) = (walls(7), Device::flex());
+    let teacher = Answer::new(&best_network(&taught, &run("teacher").out)?, &image, &device);
+    let error = |name: &str, steps: usize| -> Result<[f32; 2], Box<dyn std::error::Error>> {
+        let config = student(steps)?;
+        train(&config, &run(name))?;
+        let answer = Answer::new(&best_network(&config, &run(name).out)?, &image, &device);
+        let error = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.len() as f32;
+        Ok([error(&answer.keep, &teacher.keep), error(&answer.reflectance, &teacher.reflectance)])
+    };
+    let (begun, ended) = (error("begun", 1)?, error("ended", 120)?);
+    assert!(ended[0] < 0.25 * begun[0] && ended[1] < 0.5 * begun[1], "keep and reflectance: {begun:?}, {ended:?}");
+    assert!(run("ended").out.join("samples/0000120.png").exists());
+
+    let refusal = |config: &TranslationConfig| {
+        train(config, &run("refused")).map_or_else(|e| format!("{e:#}"), |_| String::new())
+    };
+    assert!(refusal(&TranslationConfig { teacher: None, ..student(1)? }).contains("name the run to learn from"));
+    let freed = TranslationConfig { licence: "CC0-1.0".into(), ..student(1)? };
+    assert!(refusal(&freed).contains("licence MIT"), "a student is its teacher's by licence");
+    assert!(taught.with_teacher(Some(run("teacher").out)).is_err_and(|e| e.to_string().contains("only the method distil")));
+    Ok(())
+}
+
 /// The binary in a process of its own, as a user starts it.
 fn start(root: &Path, out: &str, arguments: &[&str]) -> std::io::Result<std::process::Child> {
     std::process::Command::new(env!("CARGO_BIN_EXE_realbeam-trainer"))
@@ -278,15 +312,16 @@ fn runs_that_were_killed_again_and_again_end_in_the_same_bits() -> Fact {
     Ok(())
 }
 
-/// Config files of two rows of so many steps each, and the table's.
-fn write_table(root: &Path, steps: [usize; 2]) -> Result<PathBuf, Box<dyn std::error::Error>> {
-    for (method, steps) in ["gcgan", "unet"].into_iter().zip(steps) {
+/// Config files of three rows of so many steps each, and the table's; the last row learns from the first.
+fn write_table(root: &Path, steps: [usize; 3]) -> Result<PathBuf, Box<dyn std::error::Error>> {
+    let methods = ["gcgan", "unet", "distil"];
+    for (method, steps) in methods.into_iter().zip(steps) {
         let config = config(method, &format!("steps = {steps}\ncheckpoint_every = 1\nsamples_every = 0"))?;
         std::fs::write(root.join(method).with_extension("toml"), config.to_toml()?)?;
     }
-    let row = |method: &str| format!("[[row]]\nname = \"{method}\"\nconfig = \"{method}.toml\"\n");
+    let row = |method| format!("[[row]]\nname = \"{method}\"\nconfig = \"{method}.toml\"\n");
     let path = root.join("table.toml");
-    std::fs::write(&path, format!("seeds = [1, 2]\n{}{}", row("gcgan"), row("unet")))?;
+    std::fs::write(&path, format!("seeds = [1, 2]\n{}teacher = \"gcgan\"\n", methods.map(row).concat()))?;
     Ok(path)
 }
 
@@ -294,11 +329,15 @@ fn write_table(root: &Path, steps: [usize; 2]) -> Result<PathBuf, Box<dyn std::e
 fn a_table_trains_what_is_missing_and_nothing_twice() -> Fact {
     let root = tempfile::tempdir()?;
     write_domains(root.path())?;
-    let (table, out) = (Table::read(&write_table(root.path(), [2, 2])?)?, root.path().join("runs"));
+    let (table, out) = (Table::read(&write_table(root.path(), [2, 2, 3])?)?, root.path().join("runs"));
     let text = table.run(root.path(), &out, None)?;
     // Heading, line, three metrics.
     assert_eq!(text.lines().take_while(|line| line.starts_with('|')).count(), 5, "{text}");
-    assert!(text.contains("| unet |") && text.contains(" ± ") && text.contains("2 steps of 5 cut-outs"), "{text}");
+    for word in ["| unet |", " ± ", "2 steps of 5 whole turns", "distil learned from what gcgan answers, in 3 steps"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let student = TranslationConfig::read(&out.join("distil/seed-2/config.toml"))?;
+    assert_eq!(student.teacher, Some(out.join("gcgan/seed-2")));
 
     // One run was interrupted before it was scored; then one was never begun.
     let seed = |row: &str, seed: usize| out.join(row).join(format!("seed-{seed}"));
@@ -311,8 +350,11 @@ fn a_table_trains_what_is_missing_and_nothing_twice() -> Fact {
     assert!(seed("gcgan", 2).join("scores.json").exists());
     assert_eq!(untouched()?, begun);
 
-    let refused = Table::read(&write_table(root.path(), [2, 3])?);
-    assert!(refused.is_err_and(|e| e.to_string().contains("budget")));
+    let path = write_table(root.path(), [2, 3, 3])?;
+    assert!(Table::read(&path).is_err_and(|e| e.to_string().contains("budget")));
+    write_table(root.path(), [2, 2, 3])?;
+    std::fs::write(&path, std::fs::read_to_string(&path)?.replace("teacher = \"gcgan\"", "teacher = \"cls2r\""))?;
+    assert!(Table::read(&path).is_err_and(|e| e.to_string().contains("no row above is cls2r")));
     Ok(())
 }
 
@@ -364,7 +406,7 @@ fn with_a_segmentation_network_a_table_tells_every_metric() -> Fact {
 #[test]
 fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/translation");
-    for name in ["unet", "baseline", "cyclegan", "gcgan", "contrastive", "cls2r", "fast"] {
+    for name in ["unet", "baseline", "cyclegan", "gcgan", "contrastive", "cls2r", "fast", "distilled"] {
         let read = |folder: PathBuf| TranslationConfig::read(&folder.join(name).with_extension("toml"));
         let (paper, small) = (read(folder.clone())?, read(folder.join("small"))?);
         assert_eq!((paper.method, paper.ray_drop), (small.method, small.ray_drop), "{name}");

@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use burn::tensor::Device;
 use clap::Args;
 use trainer::backend::Backend;
-use trainer::config::AnyConfig;
+use trainer::config::{AnyConfig, TrainConfig};
 use trainer::realness::Protocol;
 use trainer::segmentation::Segmentation;
 use trainer::train::{Run, supervised, train};
+use trainer::translation::TranslationConfig;
 use trainer::{export, translation};
 
 #[derive(Debug, Args)]
@@ -31,6 +32,9 @@ pub(super) struct TrainArgs {
     /// What computes the steps, in the place of what the config says.
     #[arg(long, value_enum)]
     backend: Option<Backend>,
+    /// Run that a distilled network learns from, in the place of the config's.
+    #[arg(long)]
+    teacher: Option<PathBuf>,
     /// Seed, in the place of the config's.
     #[arg(long)]
     seed: Option<u64>,
@@ -69,14 +73,14 @@ impl TrainArgs {
     pub(super) fn run(self) -> Result<()> {
         let run = Run { out: self.out, data: self.data, resume: self.resume, stop_after: self.stop_after };
         let table = match AnyConfig::read(&self.config)? {
-            AnyConfig::Supervised(mut config) => {
-                config.backend = self.backend.unwrap_or(config.backend);
-                config.seed = self.seed.unwrap_or(config.seed);
-                train(&config, &run)?.map(|scores| scores.to_table())
+            AnyConfig::Supervised(config) => {
+                ensure!(self.teacher.is_none(), "--teacher: {} is no translation", self.config.display());
+                let (backend, seed) = (self.backend.unwrap_or(config.backend), self.seed.unwrap_or(config.seed));
+                train(&TrainConfig { backend, seed, ..*config }, &run)?.map(|scores| scores.to_table())
             }
-            AnyConfig::Translation(mut config) => {
-                config.backend = self.backend.unwrap_or(config.backend);
-                config.seed = self.seed.unwrap_or(config.seed);
+            AnyConfig::Translation(config) => {
+                let (backend, seed) = (self.backend.unwrap_or(config.backend), self.seed.unwrap_or(config.seed));
+                let config = TranslationConfig { backend, seed, ..*config }.with_teacher(self.teacher)?;
                 translation::train(&config, &run)?.map(|scores| scores.to_table())
             }
         };

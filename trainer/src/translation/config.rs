@@ -1,6 +1,6 @@
 //! What a translation's training is told: one TOML file; everything that is left out has a default, what is misspelt is refused.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use lidar::Sensor;
@@ -26,6 +26,8 @@ pub enum Method {
     /// The mirrored question should have the mirrored answer: Fu et al., "Geometry-consistent generative adversarial networks for
     /// one-sided unsupervised domain mapping" (2019).
     GcGan,
+    /// The answer should be that of another run's network: Hinton et al., "Distilling the knowledge in a neural network" (2015).
+    Distil,
     /// Learned from real scans alone, made to look simulated: Vacek et al., "Learning to predict lidar intensities" (2021).
     UNet,
 }
@@ -45,6 +47,9 @@ pub struct TranslationConfig {
     pub notes: String,
     /// How it is learned.
     pub method: Method,
+    /// `distil`: the folder of the run that is learned from.
+    #[serde(default)]
+    pub teacher: Option<PathBuf>,
     /// Name of a built-in sensor, or path of a sensor's TOML file.
     pub sensor: String,
     /// Columns of the turn, if other than the sensor's; scans with more are resampled to it.
@@ -141,9 +146,9 @@ pub struct Losses {
     pub identity: f64,
     /// `CycleGAN`: earlier answers that a discriminator may be shown again.
     pub pool: usize,
-    /// The U-Net's reflectance, beside the cross entropy of its keep mask.
+    /// Beside the cross entropy of the keep mask, the mean absolute error of the reflectance (`unet`), of its code (`distil`).
     pub reflectance: f32,
-    /// The U-Net's ln(r + 1), beside the same.
+    /// The same of ln(r + 1) (`unet`), of the range code (`distil`).
     pub range: f32,
 }
 
@@ -240,6 +245,13 @@ impl TranslationConfig {
         Ok(config)
     }
 
+    /// The same config, learning from this run where there is one.
+    pub fn with_teacher(self, run: Option<PathBuf>) -> Result<Self> {
+        let config = Self { teacher: run.or(self.teacher), ..self };
+        config.check()?;
+        Ok(config)
+    }
+
     /// The config as TOML.
     pub fn to_toml(&self) -> Result<String> {
         Ok(toml::to_string(self)?)
@@ -284,7 +296,7 @@ impl TranslationConfig {
     pub fn multiple(&self) -> usize {
         match self.method {
             Method::UNet => COLUMN_MULTIPLE,
-            Method::Cls2r | Method::CycleGan | Method::GcGan => self.generator.multiple(),
+            Method::Cls2r | Method::CycleGan | Method::GcGan | Method::Distil => self.generator.multiple(),
         }
     }
 
@@ -305,6 +317,10 @@ impl TranslationConfig {
         ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
         ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
         ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        ensure!(
+            self.teacher.is_none() || self.method == Method::Distil,
+            "teacher: only the method distil learns from another run"
+        );
         self.served()?;
         let told_apart = self.generator.rings;
         ensure!(
@@ -317,7 +333,7 @@ impl TranslationConfig {
         ensure!((1..=6).contains(&d.halvings), "discriminator.halvings is {}, expected 1 to 6", d.halvings);
         for (name, number) in [("rings", rings), ("crop_columns", s.crop_columns)] {
             ensure!(
-                self.method == Method::UNet || d.fits(number),
+                matches!(self.method, Method::UNet | Method::Distil) || d.fits(number),
                 "{name}: {number} hold no patch of the discriminator; give it fewer halvings than {}",
                 d.halvings
             );

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use super::answer::Reporting;
 use super::config::{Schedule, TranslationConfig};
 use super::examiner::Examiner;
-use super::method::{Adversarial, Setting, Step};
+use super::method::{Approach, Setting, Step};
 use super::sampler::Sampler;
 use super::translator::Translator;
 use super::view::View;
@@ -24,7 +24,7 @@ const SETTLING: usize = 64;
 
 /// A method, its data, and the average of its generator.
 pub struct Translating {
-    method: Box<dyn Adversarial>,
+    method: Box<dyn Approach>,
     average: Resnet,
     sampler: Sampler,
     examiner: Examiner,
@@ -38,7 +38,7 @@ impl Translating {
     /// A learner with random weights.
     pub fn new(
         config: &TranslationConfig,
-        (method, setting): (Box<dyn Adversarial>, Setting),
+        (method, setting): (Box<dyn Approach>, Setting),
         (sampler, examiner): (Sampler, Examiner),
         device: Device,
     ) -> Self {
@@ -121,10 +121,13 @@ impl Learner for Translating {
 /// The network, its batch norms with the statistics of these scans alone, as in stochastic weight averaging (Izmailov et al., 2018): in
 /// training they have seen real scans and answers as well, which are none of what the network will be shown.
 fn settled(network: &Resnet, scans: impl Iterator<Item = View>) -> Resnet {
-    // Clones share the statistics of batch norms; `valid` has its own. Without gradients nothing of a forward pass is kept.
+    // Clones share the statistics of batch norms; `valid` has its own.
     let network = network.valid().train().no_grad();
     for View { image, condition, .. } in scans {
+        // Burn lets go of what a forward pass remembered at the next way back, even if nobody wants gradients: 55 MB a turn.
+        let way_back = Tensor::<1>::zeros([1], &image.device()).require_grad();
         network.forward(image, &condition);
+        way_back.backward();
     }
     network.valid()
 }

@@ -34,37 +34,56 @@ pub struct RowConfig {
     pub name: String,
     /// The config that its runs are of, relative to the table's file; its seed is replaced.
     pub config: PathBuf,
+    /// The name of a row above, whose runs these runs learn from, seed by seed.
+    #[serde(default)]
+    pub teacher: Option<String>,
 }
 
 /// The rows with their configs, on one budget.
 #[derive(Clone, Debug)]
 pub struct Table {
     seeds: Vec<u64>,
-    rows: Vec<(String, TranslationConfig)>,
+    rows: Vec<Row>,
+}
+
+/// A row with its config.
+#[derive(Clone, Debug)]
+struct Row {
+    name: String,
+    config: TranslationConfig,
+    teacher: Option<String>,
 }
 
 impl Table {
     /// Reads a table's file and its rows' configs.
     ///
-    /// Rows that differ in data, grid or budget are refused: their scores would say nothing about their methods.
+    /// Rows that differ in data, grid or budget are refused: their scores would say nothing about their methods. Those that learn from
+    /// another row's answers have a budget of their own.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read table {}", path.display()))?;
         let config: TableConfig = toml::from_str(&text).with_context(|| format!("table {}", path.display()))?;
         ensure!(!config.seeds.is_empty() && !config.row.is_empty(), "table {}: no seeds or no rows", path.display());
-        let row = |row: RowConfig| Ok((row.name, TranslationConfig::read(&path.with_file_name(row.config))?));
-        let rows: Vec<_> = config.row.into_iter().map(row).collect::<Result<_>>()?;
-        let budget = |config: &TranslationConfig| -> Result<String> {
-            let s = &config.schedule;
-            let data = toml::to_string(&config.simulated)? + &toml::to_string(&config.real)?;
-            Ok(format!(
-                "{} steps of {} scans, {} columns of {:?} of {}, own vehicle: {}\n{data}",
-                s.steps, s.batch, s.crop_columns, config.columns, config.sensor, config.own_vehicle
-            ))
+        let row = |RowConfig { name, config, teacher }| {
+            Ok(Row { name, config: TranslationConfig::read(&path.with_file_name(config))?, teacher })
         };
-        let (first, expected) = (&rows[0].0, budget(&rows[0].1)?);
-        for (name, config) in &rows {
-            let found = budget(config)?;
-            ensure!(found == expected, "row {name} differs in budget or data from {first}:\n{found}\n{expected}");
+        let rows: Vec<_> = config.row.into_iter().map(row).collect::<Result<_>>()?;
+        let (first, others) = rows.split_first().context("no rows")?;
+        let expected = first.data()?;
+        for (i, row) in others.iter().enumerate() {
+            let (name, found) = (&row.name, row.data()?);
+            ensure!(found == expected, "row {name} differs in data from {}:\n{found}\n{expected}", first.name);
+            match &row.teacher {
+                None => ensure!(
+                    row.budget() == first.budget(),
+                    "row {name} differs in budget from {}: {}, {}",
+                    first.name,
+                    row.budget(),
+                    first.budget()
+                ),
+                Some(teacher) => {
+                    ensure!(rows[..=i].iter().any(|row| row.name == *teacher), "row {name}: no row above is {teacher}");
+                }
+            }
         }
         Ok(Self { seeds: config.seeds, rows })
     }
@@ -72,7 +91,7 @@ impl Table {
     /// The same table, its steps computed by another backend.
     #[must_use]
     pub fn with_backend(mut self, backend: Backend) -> Self {
-        self.rows.iter_mut().for_each(|(_, config)| config.backend = backend);
+        self.rows.iter_mut().for_each(|row| row.config.backend = backend);
         self
     }
 
@@ -82,37 +101,60 @@ impl Table {
     /// Scores are those of [`crate::realness`], whose features are of the `segmentation` network; without one, of [`super::realness`].
     pub fn run(&self, data: &Path, out: &Path, segmentation: Option<&Segmentation>) -> Result<String> {
         let by = segmentation.map(|network| (network, Protocol::Realbeam));
-        let exam = Exam::new(&self.rows[0].1, data, by)?;
-        let mut rows: Vec<Row> = self.rows.iter().map(|(name, _)| Row { name, scores: vec![] }).collect();
+        let exam = Exam::new(&self.rows[0].config, data, by)?;
+        let mut columns: Vec<Column> = self.rows.iter().map(|row| Column { name: &row.name, scores: vec![] }).collect();
         let mut pictured = vec![];
+        let folder = |name: &str, seed: u64| out.join(folder_name(name)).join(format!("seed-{seed}"));
         // Seed by seed, so that a table that is not finished yet has all its rows.
-        for seed in &self.seeds {
-            for ((name, config), row) in self.rows.iter().zip(&mut rows) {
-                let config = TranslationConfig { seed: *seed, ..config.clone() };
-                let folder = out.join(folder_name(name)).join(format!("seed-{seed}"));
-                let network = run(&config, data, folder).with_context(|| format!("row {name}, seed {seed}"))?;
-                let answers = exam.answers(&network);
-                row.scores.push(exam.scores(&answers)?);
+        for &seed in &self.seeds {
+            for (Row { name, config, teacher }, column) in self.rows.iter().zip(&mut columns) {
+                let config = TranslationConfig { seed, ..config.clone() };
+                let taught = config.with_teacher(teacher.as_ref().map(|teacher| folder(teacher, seed)));
+                let network = taught.and_then(|config| run(&config, data, folder(name, seed)));
+                let answers = exam.answers(&network.with_context(|| format!("row {name}, seed {seed}"))?);
+                column.scores.push(exam.scores(&answers)?);
                 if pictured.len() < self.rows.len() {
                     pictured.extend(answers.into_iter().next());
                 }
             }
         }
-        let names = self.rows.iter().map(|(name, _)| name.as_str());
+        let names = self.rows.iter().map(|row| row.name.as_str());
         let answers: Vec<_> = names.zip(&pictured).map(|(name, answer)| (answer, name)).collect();
         lidar::formats::write_atomically(&out.join("answers.png"), &exam.picture(&answers)?)?;
-        let mut text = print(&exam, &rows)?;
-        let (s, seeds) = (&self.rows[0].1.schedule, self.seeds.len());
+        let mut text = print(&exam, &columns)?;
+        let seeds = self.seeds.len();
         write!(
             text,
             "\nMean of {seeds} seeds ± half of its 95 % interval (Student's t), and the share of the gap between simulation and other real\n\
-             scans that is closed, where these are nearer; {} steps of {} cut-outs of {} columns each. {}\n",
-            s.steps,
-            s.batch,
-            s.crop_columns,
-            exam.says()
+             scans that is closed, where these are nearer; {}. ",
+            self.rows[0].budget()
         )?;
+        for row in &self.rows {
+            if let Some(teacher) = &row.teacher {
+                write!(text, "{} learned from what {teacher} answers, in {}. ", row.name, row.budget())?;
+            }
+        }
+        writeln!(text, "{}", exam.says())?;
         Ok(text)
+    }
+}
+
+impl Row {
+    /// What is learned from, and on which grid.
+    fn data(&self) -> Result<String> {
+        let c = &self.config;
+        let (simulated, real) = (toml::to_string(&c.simulated)?, toml::to_string(&c.real)?);
+        Ok(format!("{:?} columns of {:?}, own vehicle: {}\n{simulated}{real}", c.columns, c.sensor, c.own_vehicle))
+    }
+
+    /// How much is learned.
+    fn budget(&self) -> String {
+        let s = &self.config.schedule;
+        let cut = match self.config.columns {
+            Some(columns) if columns == s.crop_columns => format!("whole turns of {columns} columns"),
+            _ => format!("cut-outs of {} columns", s.crop_columns),
+        };
+        format!("{} steps of {} {cut}", s.steps, s.batch)
     }
 }
 
@@ -120,30 +162,30 @@ impl Table {
 pub fn evaluate(config: &TranslationConfig, run: &Path, data: &Path, by: (&Segmentation, Protocol)) -> Result<String> {
     let exam = Exam::new(config, data, Some(by))?;
     let scores = exam.scores(&exam.answers(&best_network(config, run)?))?;
-    let table = print(&exam, &[Row { name: &config.name, scores: vec![scores] }])?;
+    let table = print(&exam, &[Column { name: &config.name, scores: vec![scores] }])?;
     Ok(format!("{table}\n{}\n", exam.says()))
 }
 
-/// A row's scores, seed by seed.
-struct Row<'t> {
+/// A row's scores, seed by seed, as a column.
+struct Column<'t> {
     name: &'t str,
     scores: Vec<Vec<Distance>>,
 }
 
 /// Metrics in rows, methods in columns.
-fn print(exam: &Exam<'_>, rows: &[Row<'_>]) -> Result<String> {
+fn print(exam: &Exam<'_>, columns: &[Column<'_>]) -> Result<String> {
     let mut out = String::from("| | simulation |");
-    for row in rows {
-        write!(out, " {} |", row.name)?;
+    for column in columns {
+        write!(out, " {} |", column.name)?;
     }
-    writeln!(out, " real, another drive |\n|---|{}", "---|".repeat(rows.len() + 2))?;
+    writeln!(out, " real, another drive |\n|---|{}", "---|".repeat(columns.len() + 2))?;
     let (simulation, floor) = (exam.of_simulation()?, exam.floor()?);
     for (i, from) in simulation.iter().enumerate() {
         let unit = if from.unit.is_empty() { String::new() } else { format!(" ({})", from.unit) };
         write!(out, "| {}{unit} | {} |", from.metric, short(from.value))?;
         let to = floor.get(i).map(|d| d.value);
-        for row in rows {
-            let values: Vec<f64> = row.scores.iter().map(|scores| scores[i].value).collect();
+        for column in columns {
+            let values: Vec<f64> = column.scores.iter().map(|scores| scores[i].value).collect();
             let (mean, half_width) = mean_and_interval(&values);
             write!(out, " {}", short(mean))?;
             if let Some(half_width) = half_width {
@@ -164,8 +206,10 @@ fn print(exam: &Exam<'_>, rows: &[Row<'_>]) -> Result<String> {
 fn run(config: &TranslationConfig, data: &Path, out: PathBuf) -> Result<Trained> {
     let begun = out.exists() && checkpoint::newest(&out)?.is_some();
     if begun && out.join("scores.json").exists() {
-        let before = std::fs::read_to_string(out.join("config.toml"))?;
-        ensure!(before == config.to_toml()?, "{} is a run of another config", out.display());
+        // The teacher is where the table is, which may have been moved.
+        let own = |config: TranslationConfig| TranslationConfig { teacher: None, ..config }.to_toml();
+        let before = own(TranslationConfig::read(&out.join("config.toml"))?)?;
+        ensure!(before == own(config.clone())?, "{} is a run of another config", out.display());
         return best_network(config, &out);
     }
     tracing::info!(run = %out.display(), "training");

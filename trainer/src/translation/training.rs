@@ -11,7 +11,7 @@ use super::config::{Method, TranslationConfig};
 use super::domain::{Domain, Grid};
 use super::examiner::Examiner;
 use super::learner::Translating;
-use super::method::{Setting, adversarial};
+use super::method::{Setting, approach, teacher};
 use super::realness::Distance;
 use super::sampler::Sampler;
 use super::student::Supervised;
@@ -90,7 +90,11 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     let load = |list: &[DataConfig]| Domain::load(&run.data, list, &grid);
     let real = load(&config.real.train)?;
     let simulated = |list: &[DataConfig], real: &Domain| Domain::simulated(config, &run.data, list, real);
-    let examiner = Examiner::new(simulated(&config.simulated.validate, &real)?, load(&config.real.validate)?);
+    let validate = simulated(&config.simulated.validate, &real)?;
+    let examiner = match config.method {
+        Method::Distil => Examiner::of_imitation(validate, &teacher(config)?),
+        _ => Examiner::new(validate, load(&config.real.validate)?),
+    };
     let learn_from = |real: &Domain| simulated(&config.simulated.train, real);
     let mut learner = learner(config, &grid, (learn_from, real), examiner)?;
     let schedule = &config.schedule;
@@ -124,7 +128,7 @@ fn learner(
         losses,
         image_numbers: IMAGE_CHANNELS * rings * schedule.crop_columns,
     };
-    if let Some(method) = adversarial(config, setting, &device) {
+    if let Some(method) = approach(config, setting, &device)? {
         let sampler = Sampler {
             simulated: simulated(&real)?,
             real,

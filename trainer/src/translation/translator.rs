@@ -23,6 +23,11 @@ impl Translator {
     pub fn new(generator: Resnet, reporting: Reporting) -> Self {
         Self { generator, reporting }
     }
+
+    /// The network between the codes.
+    pub fn generator(&self) -> &Resnet {
+        &self.generator
+    }
 }
 
 impl Generator for Translator {

@@ -5,7 +5,7 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::Device;
 
-use super::{Adversarial, Setting, Step, value};
+use super::{Approach, Setting, Step, value};
 use crate::network::{PatchGan, PatchHeads, Places, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
@@ -35,7 +35,7 @@ impl Cls2r {
     }
 }
 
-impl Adversarial for Cls2r {
+impl Approach for Cls2r {
     fn step(&mut self, step: &Step) -> Losses {
         let Setting { reporting, losses, .. } = self.setting;
         let generator = &self.generator.network;

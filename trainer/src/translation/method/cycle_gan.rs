@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
-use super::{Adversarial, Setting, Step, difference, value};
+use super::{Approach, Setting, Step, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::answer::Answer;
@@ -43,7 +43,7 @@ impl CycleGan {
     }
 }
 
-impl Adversarial for CycleGan {
+impl Approach for CycleGan {
     fn step(&mut self, step: &Step) -> Losses {
         let Setting { reporting, losses, .. } = self.setting;
         let (x, y) = (&step.simulated, &step.real);

@@ -5,7 +5,7 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
-use super::{Adversarial, Setting, Step, difference, value};
+use super::{Approach, Setting, Step, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
@@ -47,7 +47,7 @@ impl View {
     }
 }
 
-impl Adversarial for GcGan {
+impl Approach for GcGan {
     fn step(&mut self, step: &Step) -> Losses {
         let Setting { reporting, losses, .. } = self.setting;
         let generator = &self.generator.network;

@@ -2,6 +2,7 @@
 
 mod cls2r;
 mod cycle_gan;
+mod distil;
 mod gc_gan;
 
 use anyhow::Result;
@@ -16,6 +17,7 @@ use crate::train::{Losses as Values, Parts};
 
 pub use cls2r::Cls2r;
 pub use cycle_gan::CycleGan;
+pub use distil::{Distil, teacher};
 pub use gc_gan::GcGan;
 
 /// What a step is made of.
@@ -46,8 +48,8 @@ pub struct Setting {
     pub image_numbers: usize,
 }
 
-/// A generator from simulated to real that plays against a discriminator, and whatever else a method needs.
-pub trait Adversarial {
+/// A generator from simulated to real, and whatever else a method needs to teach it.
+pub trait Approach {
     /// One optimiser step of every network; the losses by name.
     fn step(&mut self, step: &Step) -> Values;
     /// The generator.
@@ -67,14 +69,15 @@ impl Step {
     }
 }
 
-/// The method of a config, with random weights; `None` for the one that plays against nobody.
-pub fn adversarial(config: &TranslationConfig, setting: Setting, device: &Device) -> Option<Box<dyn Adversarial>> {
-    match config.method {
+/// The method of a config, its generator with random weights; `None` for the one that is not shown simulated scans.
+pub fn approach(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Option<Box<dyn Approach>>> {
+    Ok(match config.method {
         Method::Cls2r => Some(Box::new(Cls2r::new(config, setting, device))),
         Method::CycleGan => Some(Box::new(CycleGan::new(config, setting, device))),
         Method::GcGan => Some(Box::new(GcGan::new(config, setting, device))),
+        Method::Distil => Some(Box::new(Distil::new(config, setting, device)?)),
         Method::UNet => None,
-    }
+    })
 }
 
 /// Mean absolute difference of two images of one size.

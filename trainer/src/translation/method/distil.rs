@@ -1,0 +1,93 @@
+//! Distillation: Hinton, Vinyals and Dean, "Distilling the knowledge in a neural network" (2015).
+
+use anyhow::{Context, Result, bail, ensure};
+use burn::module::Module;
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Device, Tensor, s};
+
+use super::{Approach, Setting, Step, value};
+use crate::loss::{cross_entropy, weighted_mean};
+use crate::network::{Generated, Resnet};
+use crate::train::{Losses, Parts, Trainee};
+use crate::translation::config::TranslationConfig;
+use crate::translation::training::{Trained, best_network};
+use crate::translation::translator::Translator;
+use crate::translation::view::View;
+
+/// A generator, and the network of another run that it is to answer like. It plays against nobody, so nothing swings; of real scans it
+/// knows what the teacher does.
+#[derive(Debug)]
+pub struct Distil {
+    student: Trainee<Resnet>,
+    teacher: Resnet,
+    setting: Setting,
+}
+
+impl Distil {
+    /// A student with random weights, and the best network of the config's teacher.
+    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
+        let student = Trainee::new(setting.generator.init(device), &config.schedule);
+        let teacher = teacher(config)?.generator().clone().with_border(setting.generator.border);
+        Ok(Self { student, teacher: teacher.to_device(&device.clone().inner()), setting })
+    }
+
+    /// What the teacher makes of a scan; nobody learns from its gradients.
+    fn shown(&self, View { image, condition, .. }: &View) -> Generated {
+        let Generated { image, keep_logit } = self.teacher.forward(image.clone().inner(), &condition.clone().inner());
+        Generated { image: Tensor::from_inner(image), keep_logit: Tensor::from_inner(keep_logit) }
+    }
+}
+
+impl Approach for Distil {
+    fn step(&mut self, step: &Step) -> Losses {
+        let losses = self.setting.losses;
+        let View { image, condition, returned } = &step.simulated;
+        let (shown, said) = (self.shown(&step.simulated), self.student.network.forward(image.clone(), condition));
+        let mean = |error: Tensor<4>| weighted_mean(error, returned.clone());
+        // The divergence of one mask from the other: 0 where they agree, which their cross entropy is not.
+        let outcome = sigmoid(shown.keep_logit.clone());
+        let keep = mean(cross_entropy(said.keep_logit, outcome.clone()) - cross_entropy(shown.keep_logit, outcome));
+        let error = (said.image - shown.image).abs();
+        let range = mean(error.clone().slice(s![.., 0..1, .., ..]));
+        let reflectance = mean(error.slice(s![.., 1..2, .., ..]));
+        let values = vec![("keep", value(&keep)), ("range", value(&range)), ("reflectance", value(&reflectance))];
+        let total = keep + range * losses.range + reflectance * losses.reflectance;
+        let mut gradients = total.backward();
+        self.student.step(step.rate, &mut gradients);
+        values
+    }
+
+    fn generator(&self) -> &Resnet {
+        &self.student.network
+    }
+
+    fn save(&self, parts: &mut Parts) -> Result<()> {
+        self.student.save("generator", parts)
+    }
+
+    fn load(&mut self, parts: &Parts) -> Result<()> {
+        self.student.load("generator", parts)
+    }
+}
+
+/// The best network of the run that a config names as teacher.
+///
+/// A run that saw scans otherwise, or other real scans, is refused: what the student's card says would not be true.
+pub fn teacher(config: &TranslationConfig) -> Result<Translator> {
+    let run = config.teacher.as_deref().context("method distil: name the run to learn from, `teacher`")?;
+    let load = || -> Result<Translator> {
+        let taught = TranslationConfig::read(&run.join("config.toml"))?;
+        let seen = |config: &TranslationConfig| -> Result<String> {
+            let TranslationConfig { sensor, columns, licence, own_vehicle, real, .. } = config;
+            let (reporting, real) = (config.reporting()?, toml::to_string(real)?);
+            Ok(format!("{sensor:?} {columns:?} {reporting:?}, own vehicle: {own_vehicle}, licence {licence}\n{real}"))
+        };
+        let (expected, found) = (seen(config)?, seen(&taught)?);
+        ensure!(found == expected, "it learned from\n{found}\nexpected\n{expected}");
+        match best_network(&taught, run)? {
+            Trained::Translator(network) => Ok(*network),
+            Trained::UNet(_) => bail!("a U-Net gives no codes to learn; expected a network that is shown simulated scans"),
+        }
+    };
+    load().with_context(|| format!("teacher {}", run.display()))
+}
