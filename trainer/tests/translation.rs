@@ -241,7 +241,9 @@ fn a_student_comes_to_answer_as_its_teacher_does() -> Fact {
     assert!(refusal(&TranslationConfig { teacher: None, ..student(1)? }).contains("name the run to learn from"));
     let freed = TranslationConfig { licence: "CC0-1.0".into(), ..student(1)? };
     assert!(refusal(&freed).contains("licence MIT"), "a student is its teacher's by licence");
-    assert!(taught.with_teacher(Some(run("teacher").out)).is_err_and(|e| e.to_string().contains("only the method distil")));
+    assert!(
+        taught.with_teacher(Some(run("teacher").out)).is_err_and(|e| e.to_string().contains("only the method distil"))
+    );
     Ok(())
 }
 

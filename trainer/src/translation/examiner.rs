@@ -62,10 +62,6 @@ impl Examiner {
     pub fn picture(&self, generator: &impl Generator) -> Result<Vec<u8>> {
         let simulated = &self.simulated.images[0];
         let answer = Answer::new(generator, simulated, &Device::flex()).drawn(simulated, 0);
-        Ok(lidar::picture::beside(&[
-            (simulated, "simulated"),
-            (&answer, "translated"),
-            (&self.real[0], self.caption),
-        ])?)
+        Ok(lidar::picture::beside(&[(simulated, "simulated"), (&answer, "translated"), (&self.real[0], self.caption)])?)
     }
 }

@@ -86,7 +86,9 @@ pub fn teacher(config: &TranslationConfig) -> Result<Translator> {
         ensure!(found == expected, "it learned from\n{found}\nexpected\n{expected}");
         match best_network(&taught, run)? {
             Trained::Translator(network) => Ok(*network),
-            Trained::UNet(_) => bail!("a U-Net gives no codes to learn; expected a network that is shown simulated scans"),
+            Trained::UNet(_) => {
+                bail!("a U-Net gives no codes to learn; expected a network that is shown simulated scans")
+            }
         }
     };
     load().with_context(|| format!("teacher {}", run.display()))
