@@ -2,12 +2,14 @@
 
 pub mod blur;
 pub mod border;
+mod encoder;
 mod layers;
 pub mod norm;
 pub mod patch_gan;
 pub mod patch_nce;
 pub mod range_code;
 pub mod ray_drop;
+mod residual;
 pub mod resnet;
 mod unet;
 

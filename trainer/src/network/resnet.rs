@@ -5,20 +5,21 @@
 
 use burn::module::{Module, Param};
 use burn::nn::conv::Conv2d;
-use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, s};
 use serde::{Deserialize, Serialize};
 
-use super::blur::{double, halve};
+use super::blur::double;
 use super::border::Border;
+use super::encoder::Encoder;
 use super::layers::conv;
-use super::norm::{Norm, NormKind};
+use super::norm::NormKind;
+use super::residual::{Block, Stage};
 
 /// Channels of what the generator is given and gives: range code and reflectance, −1 to 1; it gives a logit of the ray drop besides.
 pub const IMAGE_CHANNELS: usize = 2;
 
 /// Halvings of the image: rings and columns have to be multiples of 2 to the power of it.
-const HALVINGS: usize = 2;
+pub(super) const HALVINGS: usize = 2;
 
 /// Size of a [`Resnet`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -95,28 +96,6 @@ struct Rings {
     head: Param<Tensor<4>>,
 }
 
-/// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
-#[derive(Module, Debug)]
-struct Encoder {
-    stem: Stage,
-    down: Vec<Stage>,
-    blocks: Vec<Block>,
-}
-
-/// Convolution, norm, `ReLU`.
-#[derive(Module, Debug)]
-struct Stage {
-    conv: Conv2d,
-    norm: Norm,
-}
-
-/// x + norm(conv(relu(norm(conv(x))))).
-#[derive(Module, Debug)]
-struct Block {
-    first: Stage,
-    second: Stage,
-}
-
 /// What a generator makes of a scan.
 #[derive(Clone, Debug)]
 pub struct Generated {
@@ -132,13 +111,12 @@ impl ResnetConfig {
         let (width, norm) = (self.width, self.norm);
         let joined = self.joined();
         let deep = width << HALVINGS;
-        let stage = |from, to| Stage { conv: conv(from, to, 3, 0, device), norm: norm.init(to, device) };
         Resnet {
-            image: self.encoder(IMAGE_CHANNELS, device),
-            condition: self.condition.then(|| self.encoder(1, device)),
+            image: Encoder::new(self, IMAGE_CHANNELS, device),
+            condition: self.condition.then(|| Encoder::new(self, 1, device)),
             rings: (self.rings > 0).then(|| Rings::new(self, device)),
             blocks: (joined..self.blocks).map(|_| Block::new(deep, norm, device)).collect(),
-            up: (0..HALVINGS).rev().map(|i| stage(width << (i + 1), width << i)).collect(),
+            up: (0..HALVINGS).rev().map(|i| Stage::new([width << (i + 1), width << i], 3, norm, device)).collect(),
             head: conv(width, IMAGE_CHANNELS + 1, 7, 0, device),
             border: self.border,
             output: self.output,
@@ -146,18 +124,8 @@ impl ResnetConfig {
         }
     }
 
-    fn encoder(&self, channels: usize, device: &Device) -> Encoder {
-        let (width, norm) = (self.width, self.norm);
-        let stage = |from, to, size| Stage { conv: conv(from, to, size, 0, device), norm: norm.init(to, device) };
-        Encoder {
-            stem: stage(channels, width, 7),
-            down: (0..HALVINGS).map(|i| stage(width << i, width << (i + 1), 3)).collect(),
-            blocks: (0..self.joined()).map(|_| Block::new(width << HALVINGS, norm, device)).collect(),
-        }
-    }
-
     /// The number of blocks after which image and condition are added: four of nine.
-    fn joined(&self) -> usize {
+    pub(super) fn joined(&self) -> usize {
         self.blocks / 2
     }
 
@@ -245,45 +213,6 @@ impl Rings {
     fn new(config: &ResnetConfig, device: &Device) -> Self {
         let zeros = |channels| Param::from_tensor(Tensor::zeros([1, channels, config.rings, 1], device));
         Self { stem: zeros(config.width), head: zeros(IMAGE_CHANNELS + 1) }
-    }
-}
-
-impl Encoder {
-    /// `rings` is added to the features of the first convolution.
-    fn forward(&self, x: Tensor<4>, rings: Option<Tensor<4>>, border: Border, seen: &mut Vec<Tensor<4>>) -> Tensor<4> {
-        let convolved = self.stem.conv.forward(border.pad(x, 3));
-        let told_apart = rings.into_iter().fold(convolved, |x, rings| x + rings);
-        let mut x = relu(self.stem.norm.forward(told_apart));
-        for stage in &self.down {
-            let convolved = stage.conv.forward(border.pad(x, 1));
-            seen.push(convolved.clone());
-            x = halve(relu(stage.norm.forward(convolved)), border);
-        }
-        for (i, block) in self.blocks.iter().enumerate() {
-            x = block.forward(x, border);
-            if i == 0 {
-                seen.push(x.clone());
-            }
-        }
-        x
-    }
-}
-
-impl Stage {
-    fn forward(&self, x: Tensor<4>, border: Border) -> Tensor<4> {
-        relu(self.norm.forward(self.conv.forward(border.pad(x, 1))))
-    }
-}
-
-impl Block {
-    fn new(channels: usize, norm: NormKind, device: &Device) -> Self {
-        let stage = || Stage { conv: conv(channels, channels, 3, 0, device), norm: norm.init(channels, device) };
-        Self { first: stage(), second: stage() }
-    }
-
-    fn forward(&self, x: Tensor<4>, border: Border) -> Tensor<4> {
-        let y = self.first.forward(x.clone(), border);
-        x + self.second.norm.forward(self.second.conv.forward(border.pad(y, 1)))
     }
 }
 

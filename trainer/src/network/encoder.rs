@@ -1,0 +1,55 @@
+//! The way down of a generator.
+
+use burn::module::Module;
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor};
+
+use super::blur::halve;
+use super::border::Border;
+use super::residual::{Block, Stage};
+use super::resnet::{HALVINGS, ResnetConfig};
+
+/// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
+#[derive(Module, Debug)]
+pub(super) struct Encoder {
+    stem: Stage,
+    down: Vec<Stage>,
+    blocks: Vec<Block>,
+}
+
+impl Encoder {
+    /// For images of so many channels.
+    pub(super) fn new(config: &ResnetConfig, channels: usize, device: &Device) -> Self {
+        let (width, norm) = (config.width, config.norm);
+        Self {
+            stem: Stage::new([channels, width], 7, norm, device),
+            down: (0..HALVINGS).map(|i| Stage::new([width << i, width << (i + 1)], 3, norm, device)).collect(),
+            blocks: (0..config.joined()).map(|_| Block::new(width << HALVINGS, norm, device)).collect(),
+        }
+    }
+
+    /// `rings` is added to the features of the first convolution.
+    pub(super) fn forward(
+        &self,
+        x: Tensor<4>,
+        rings: Option<Tensor<4>>,
+        border: Border,
+        seen: &mut Vec<Tensor<4>>,
+    ) -> Tensor<4> {
+        let convolved = self.stem.conv.forward(border.pad(x, 3));
+        let told_apart = rings.into_iter().fold(convolved, |x, rings| x + rings);
+        let mut x = relu(self.stem.norm.forward(told_apart));
+        for stage in &self.down {
+            let convolved = stage.conv.forward(border.pad(x, 1));
+            seen.push(convolved.clone());
+            x = halve(relu(stage.norm.forward(convolved)), border);
+        }
+        for (i, block) in self.blocks.iter().enumerate() {
+            x = block.forward(x, border);
+            if i == 0 {
+                seen.push(x.clone());
+            }
+        }
+        x
+    }
+}
