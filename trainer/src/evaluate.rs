@@ -52,21 +52,24 @@ pub struct Pair {
     pub pass_through: f64,
 }
 
-/// Scores a network on real scans, made to look simulated as in training; their reflectance is CARLA's.
-pub fn evaluate<'a>(
-    network: &impl Generator,
-    images: impl IntoIterator<Item = &'a RangeImage>,
-    device: &Device,
-) -> Scores {
+/// Real scans, made to look simulated as in training; their reflectance is CARLA's.
+pub fn made_simulated<'a>(images: impl IntoIterator<Item = &'a RangeImage>) -> impl Iterator<Item = Sample> {
+    (0..).zip(images).map(|(scan, real)| {
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+        rng.set_stream(scan);
+        Sample::new(real.clone(), true, SimulatedReflectance::Attenuation(CARLA_ATTENUATION), &mut rng)
+    })
+}
+
+/// Scores a network on real scans that were [made to look simulated](made_simulated).
+pub fn evaluate(network: &impl Generator, samples: impl IntoIterator<Item = Sample>, device: &Device) -> Scores {
     let mut keep = Vec::new();
     let mut decoys = Vec::new();
     let (mut reflectance, mut carla, mut range_m, mut jittered) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut scans = 0;
-    for real in images {
-        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-        rng.set_stream(scans as u64);
+    for sample in samples {
         scans += 1;
-        let sample = Sample::new(real.clone(), true, SimulatedReflectance::Attenuation(CARLA_ATTENUATION), &mut rng);
+        let real = &sample.real;
         let predicted = Answer::new(network, &sample.simulated, device);
         for (ring, row) in sample.pixel.chunks(real.columns()).enumerate() {
             let count = |which: Pixel| row.iter().filter(|p| **p == which).count() as f32;

@@ -168,6 +168,16 @@ impl Sample {
             if drops_observed { holes::weights(&filled.pixel, real.columns()) } else { vec![0.0; filled.pixel.len()] };
         Self { simulated, real, pixel: filled.pixel, keep_weight }
     }
+
+    /// The same sample without the rays of these pixels, of which nothing is asked.
+    #[must_use]
+    pub fn without(mut self, pixels: &[usize]) -> Self {
+        for i in pixels {
+            self.simulated.remove(*i);
+            (self.pixel[*i], self.keep_weight[*i]) = (Pixel::Empty, 0.0);
+        }
+        self
+    }
 }
 
 impl Batch {

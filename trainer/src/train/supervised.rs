@@ -19,7 +19,7 @@ use super::teach::{Ending, Plan, teach};
 use super::trainee::Trainee;
 use crate::config::{DataConfig, Schedule, TrainConfig};
 use crate::data::{Sampler, Scans, Source};
-use crate::evaluate::{Scores, evaluate};
+use crate::evaluate::{Scores, evaluate, made_simulated};
 use crate::generator::Answer;
 use crate::loss::{Loss, Weights};
 use crate::network::UNet;
@@ -64,7 +64,7 @@ pub fn best_network(config: &TrainConfig, out: &Path) -> Result<UNet> {
 /// Scores a run's best network on the test scans.
 pub fn scores(config: &TrainConfig, out: &Path, data: &Path) -> Result<Scores> {
     let test = load(&config.test, data, &config.sensor()?)?;
-    Ok(evaluate(&best_network(config, out)?, test.iter().flat_map(|s| &s.images), &Device::flex()))
+    Ok(evaluate(&best_network(config, out)?, made_simulated(test.iter().flat_map(|s| &s.images)), &Device::flex()))
 }
 
 fn load(list: &[DataConfig], root: &Path, sensor: &Sensor) -> Result<Vec<Scans>> {
@@ -126,7 +126,7 @@ impl Learner for Supervised<'_> {
 
     fn validate(&self) -> Result<Validation> {
         let scans = self.validation.iter().flat_map(|s| &s.images);
-        let scores = evaluate(&self.student.network.answering(), scans, &Device::flex());
+        let scores = evaluate(&self.student.network.answering(), made_simulated(scans), &Device::flex());
         // Each score in units of what doing nothing scores, so that neither outweighs the other by its unit.
         let total = scores.keep_log_loss.model / scores.keep_log_loss_of_constant
             + scores.reflectance_mae.model / scores.reflectance_mae.pass_through;

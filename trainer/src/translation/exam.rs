@@ -3,14 +3,17 @@
 use std::path::Path;
 
 use anyhow::Result;
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor, s};
 use lidar::RangeImage;
 use likeness::{Draws, Score};
 
 use super::config::TranslationConfig;
 use super::domain::Domain;
 use super::realness::{self as quick, Distance};
+use crate::data::sample::Sample;
+use crate::evaluate::{evaluate, made_simulated};
 use crate::generator::{Generator, answers};
+use crate::network::Measurement;
 use crate::realness::{Judge, Protocol, Summary};
 use crate::segmentation::Segmentation;
 
@@ -20,7 +23,18 @@ pub struct Exam<'s> {
     real: Vec<RangeImage>,
     /// Real scans that are learned from, of another drive.
     learned: Vec<RangeImage>,
+    /// The real scans, made to look simulated: what is asked in the same places.
+    twins: Vec<Sample>,
     judge: Option<(Judge<'s>, Summary)>,
+}
+
+/// One network's scores, seed by seed, or those of what it is compared with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Marks {
+    /// Of the simulated scans, against real ones of other places; then against the scans that are answered.
+    pub elsewhere: Vec<Distance>,
+    /// Of real scans that were made to look simulated, against these scans themselves; then ray by ray.
+    pub twins: Vec<Distance>,
 }
 
 impl<'s> Exam<'s> {
@@ -31,6 +45,8 @@ impl<'s> Exam<'s> {
         let load = |list| Domain::load(data, list, &grid);
         let (learned, real) = (load(&config.real.train)?, load(&config.real.test)?.images);
         let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?.images;
+        let hidden = if config.own_vehicle { learned.own_vehicle(&grid.sensor) } else { vec![] };
+        let twins = made_simulated(&real).map(|sample| sample.without(&hidden)).collect();
         let judge = by.map(|(segmentation, protocol)| -> Result<_> {
             let judge = Judge {
                 sensor: grid.sensor.clone(),
@@ -42,7 +58,7 @@ impl<'s> Exam<'s> {
             let real = judge.sum_up(&real)?;
             Ok((judge, real))
         });
-        Ok(Self { simulated, real, learned: learned.images, judge: judge.transpose()? })
+        Ok(Self { simulated, real, learned: learned.images, twins, judge: judge.transpose()? })
     }
 
     /// What a network makes of the simulated scans.
@@ -50,8 +66,31 @@ impl<'s> Exam<'s> {
         answers(network, &self.simulated)
     }
 
-    /// How far answers are from real scans; then how far from the scans that they answer, of which no [`floor`](Self::floor) is known.
-    pub fn scores(&self, answers: &[RangeImage]) -> Result<Vec<Distance>> {
+    /// The scores of a network whose [`answers`](Self::answers) these are.
+    pub fn marks(&self, network: &impl Generator, answers: &[RangeImage]) -> Result<Marks> {
+        let shown: Vec<RangeImage> = self.twins.iter().map(|twin| twin.simulated.clone()).collect();
+        let mut twins = self.distances(&crate::generator::answers(network, &shown))?;
+        twins
+            .extend(self.ray_by_ray(network).into_iter().map(|score| Distance { value: score.model, ..named(&score) }));
+        Ok(Marks { elsewhere: self.elsewhere(answers)?, twins })
+    }
+
+    /// The scores of the scans as the simulation gives them.
+    pub fn of_simulation(&self) -> Result<Marks> {
+        let shown: Vec<RangeImage> = self.twins.iter().map(|twin| twin.simulated.clone()).collect();
+        let mut twins = self.distances(&shown)?;
+        let untouched = self.ray_by_ray(&PassThrough);
+        twins.extend(untouched.into_iter().map(|score| Distance { value: score.pass_through, ..named(&score) }));
+        Ok(Marks { elsewhere: self.elsewhere(&self.simulated)?, twins })
+    }
+
+    /// What a perfect translation could be expected to score, as far as that is known: elsewhere, how far the real scans that are learned
+    /// from are from those that answers are compared with; in the same places, how far these are from themselves.
+    pub fn floor(&self) -> Result<Marks> {
+        Ok(Marks { elsewhere: self.distances(&self.learned)?, twins: self.distances(&self.real)? })
+    }
+
+    fn elsewhere(&self, answers: &[RangeImage]) -> Result<Vec<Distance>> {
         let mut scores = self.distances(answers)?;
         if let Some((judge, _)) = &self.judge {
             scores.extend(judge.faithfulness(answers, &self.simulated)?.into_iter().map(Distance::from));
@@ -59,21 +98,17 @@ impl<'s> Exam<'s> {
         Ok(scores)
     }
 
-    /// The same of the simulated scans themselves.
-    pub fn of_simulation(&self) -> Result<Vec<Distance>> {
-        self.scores(&self.simulated)
-    }
-
-    /// How far the real scans that are learned from are from those that answers are compared with: what a perfect translation could be
-    /// expected to be.
-    pub fn floor(&self) -> Result<Vec<Distance>> {
-        self.distances(&self.learned)
+    fn ray_by_ray(&self, network: &impl Generator) -> Vec<proto::card::Score> {
+        evaluate(network, self.twins.iter().cloned(), &Device::flex()).to_card()
     }
 
     /// What was compared, in a sentence.
     pub fn says(&self) -> String {
         let (simulated, real, learned) = (self.simulated.len(), self.real.len(), self.learned.len());
-        format!("{simulated} simulated scans against {real} real ones of other places; the other drive has {learned}.")
+        format!(
+            "Above, {simulated} simulated scans against {real} real ones of other places; the other drive has {learned}.\n\
+             Below, these {real} themselves: holes filled, reflectance as CARLA has it, against the scans as they were."
+        )
     }
 
     /// The first simulated scan, what became of it under each name, and a real scan of another place, as PNG.
@@ -92,6 +127,21 @@ impl<'s> Exam<'s> {
             }
         })
     }
+}
+
+/// Answers a scan with itself.
+struct PassThrough;
+
+impl Generator for PassThrough {
+    fn measure(&self, scan: Tensor<4>) -> Measurement {
+        let channel = |i: usize| scan.clone().slice(s![.., i..i + 1, .., ..]);
+        Measurement { range_m: channel(0), reflectance: channel(1), keep: channel(0).greater_elem(0.0).float() }
+    }
+}
+
+/// A score by its name alone.
+fn named(score: &proto::card::Score) -> Distance {
+    Distance { metric: score.metric.clone(), unit: score.unit.clone(), value: f64::NAN }
 }
 
 impl From<Score> for Distance {

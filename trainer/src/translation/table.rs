@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::config::TranslationConfig;
-use super::exam::Exam;
+use super::exam::{Exam, Marks};
 use super::realness::Distance;
 use super::training::{Trained, best_network, train};
 use crate::backend::Backend;
@@ -102,7 +102,7 @@ impl Table {
     pub fn run(&self, data: &Path, out: &Path, segmentation: Option<&Segmentation>) -> Result<String> {
         let by = segmentation.map(|network| (network, Protocol::Realbeam));
         let exam = Exam::new(&self.rows[0].config, data, by)?;
-        let mut columns: Vec<Column> = self.rows.iter().map(|row| Column { name: &row.name, scores: vec![] }).collect();
+        let mut columns: Vec<Column> = self.rows.iter().map(|row| Column { name: &row.name, marks: vec![] }).collect();
         let mut pictured = vec![];
         let folder = |name: &str, seed: u64| out.join(folder_name(name)).join(format!("seed-{seed}"));
         // Seed by seed, so that a table that is not finished yet has all its rows.
@@ -111,8 +111,9 @@ impl Table {
                 let config = TranslationConfig { seed, ..config.clone() };
                 let taught = config.with_teacher(teacher.as_ref().map(|teacher| folder(teacher, seed)));
                 let network = taught.and_then(|config| run(&config, data, folder(name, seed)));
-                let answers = exam.answers(&network.with_context(|| format!("row {name}, seed {seed}"))?);
-                column.scores.push(exam.scores(&answers)?);
+                let network = network.with_context(|| format!("row {name}, seed {seed}"))?;
+                let answers = exam.answers(&network);
+                column.marks.push(exam.marks(&network, &answers)?);
                 if pictured.len() < self.rows.len() {
                     pictured.extend(answers.into_iter().next());
                 }
@@ -121,7 +122,8 @@ impl Table {
         let names = self.rows.iter().map(|row| row.name.as_str());
         let answers: Vec<_> = names.zip(&pictured).map(|(name, answer)| (answer, name)).collect();
         lidar::formats::write_atomically(&out.join("answers.png"), &exam.picture(&answers)?)?;
-        let mut text = print(&exam, &columns)?;
+        let [elsewhere, twins] = print(&exam, &columns)?;
+        let mut text = elsewhere;
         let seeds = self.seeds.len();
         write!(
             text,
@@ -134,7 +136,7 @@ impl Table {
                 write!(text, "{} learned from what {teacher} answers, in {}. ", row.name, row.budget())?;
             }
         }
-        writeln!(text, "{}", exam.says())?;
+        write!(text, "{}\n\n{twins}", exam.says())?;
         Ok(text)
     }
 }
@@ -161,31 +163,43 @@ impl Row {
 /// The scores of one run's best network on the test scans, beside the simulation and other real scans, by every metric of a protocol.
 pub fn evaluate(config: &TranslationConfig, run: &Path, data: &Path, by: (&Segmentation, Protocol)) -> Result<String> {
     let exam = Exam::new(config, data, Some(by))?;
-    let scores = exam.scores(&exam.answers(&best_network(config, run)?))?;
-    let table = print(&exam, &[Column { name: &config.name, scores: vec![scores] }])?;
-    Ok(format!("{table}\n{}\n", exam.says()))
+    let network = best_network(config, run)?;
+    let marks = exam.marks(&network, &exam.answers(&network))?;
+    let [elsewhere, twins] = print(&exam, &[Column { name: &config.name, marks: vec![marks] }])?;
+    Ok(format!("{elsewhere}\n{}\n\n{twins}", exam.says()))
 }
 
 /// A row's scores, seed by seed, as a column.
 struct Column<'t> {
     name: &'t str,
-    scores: Vec<Vec<Distance>>,
+    marks: Vec<Marks>,
 }
 
-/// Metrics in rows, methods in columns.
-fn print(exam: &Exam<'_>, columns: &[Column<'_>]) -> Result<String> {
+/// Metrics in rows, methods in columns: against real scans of other places, and in the same places.
+fn print(exam: &Exam<'_>, columns: &[Column<'_>]) -> Result<[String; 2]> {
+    let (simulation, floor) = (exam.of_simulation()?, exam.floor()?);
+    let part = |of: fn(&Marks) -> &[Distance], best: &str| lines(of(&simulation), (of(&floor), best), columns, of);
+    Ok([part(|marks| &marks.elsewhere, "real, another drive")?, part(|marks| &marks.twins, "real itself")?])
+}
+
+/// One part of it; the floor, which may lack metrics at the end, has a column of its own.
+fn lines(
+    simulation: &[Distance],
+    (floor, best): (&[Distance], &str),
+    columns: &[Column<'_>],
+    of: fn(&Marks) -> &[Distance],
+) -> Result<String> {
     let mut out = String::from("| | simulation |");
     for column in columns {
         write!(out, " {} |", column.name)?;
     }
-    writeln!(out, " real, another drive |\n|---|{}", "---|".repeat(columns.len() + 2))?;
-    let (simulation, floor) = (exam.of_simulation()?, exam.floor()?);
+    writeln!(out, " {best} |\n|---|{}", "---|".repeat(columns.len() + 2))?;
     for (i, from) in simulation.iter().enumerate() {
         let unit = if from.unit.is_empty() { String::new() } else { format!(" ({})", from.unit) };
         write!(out, "| {}{unit} | {} |", from.metric, short(from.value))?;
         let to = floor.get(i).map(|d| d.value);
         for column in columns {
-            let values: Vec<f64> = column.scores.iter().map(|scores| scores[i].value).collect();
+            let values: Vec<f64> = column.marks.iter().map(|marks| of(marks)[i].value).collect();
             let (mean, half_width) = mean_and_interval(&values);
             write!(out, " {}", short(mean))?;
             if let Some(half_width) = half_width {
