@@ -24,7 +24,8 @@ pub fn frechet(a: &[&[f64]], b: &[&[f64]]) -> f64 {
     let root = root(cov_a.clone());
     let both = SymmetricEigen::new(&root * &cov_b * &root).eigenvalues;
     let shared: f64 = both.iter().map(|x| x.max(0.0).sqrt()).sum();
-    (mean_a - mean_b).norm_squared() + cov_a.trace() + cov_b.trace() - 2.0 * shared
+    // Of nothing, rounding may leave less.
+    ((mean_a - mean_b).norm_squared() + cov_a.trace() + cov_b.trace() - 2.0 * shared).max(0.0)
 }
 
 fn moments(samples: &[&[f64]]) -> (DVector<f64>, DMatrix<f64>) {

@@ -115,8 +115,8 @@ fn learned(method: &str, start: u64) -> Result<(f32, f32), Box<dyn std::error::E
     let coding = setting.reporting.coding;
     for number in 0..STEPS {
         let pair = sampler.pair(number, &device);
-        let (simulated, real) = (coding.view(&pair.simulated), coding.view(&pair.real));
-        learner.step(&Step { simulated, real, seed: 1, number, rate: config.schedule.rate(number) });
+        let [simulated, surfaces, real] = [pair.simulated, pair.surfaces, pair.real].map(|scan| coding.view(&scan));
+        learner.step(&Step { simulated, surfaces, real, seed: 1, number, rate: config.schedule.rate(number) });
     }
     let image = walls(1000);
     let view = coding.view(&scans(std::slice::from_ref(&image), &device));
@@ -421,6 +421,9 @@ fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
         assert_eq!((paper.method, paper.ray_drop), (small.method, small.ray_drop), "{name}");
         assert_eq!(paper.generator.condition, small.generator.condition, "{name}");
         assert!(small.schedule.steps < paper.schedule.steps, "{name}");
+    }
+    for name in ["attenuated", "hdl64e-cls2r"] {
+        TranslationConfig::read(&folder.join("small").join(name).with_extension("toml"))?;
     }
     Table::read(&folder.join("small/table.toml"))?;
     Ok(())

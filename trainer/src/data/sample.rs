@@ -130,7 +130,8 @@ impl SimulatedReflectance {
         }
     }
 
-    fn of(self, image: &RangeImage) -> Vec<f32> {
+    /// The reflectances of an image, `[ring, column]`.
+    pub(crate) fn of(self, image: &RangeImage) -> Vec<f32> {
         let (columns, range_m, measured) = (image.columns(), image.range_m(), image.reflectance());
         match self {
             Self::Attenuation(rate) => range_m.iter().map(|r| (-rate * r).exp()).collect(),

@@ -339,7 +339,9 @@ impl TranslationConfig {
             );
         }
         let a = &self.augmentation;
-        ensure!((0.0..=1.0).contains(&a.unlabelled_share), "unlabelled_share is {}", a.unlabelled_share);
+        for (name, share) in [("unlabelled_share", a.unlabelled_share), ("attenuated_share", a.attenuated_share)] {
+            ensure!((0.0..=1.0).contains(&share), "{name} is {share}, expected 0 to 1");
+        }
         ensure!(self.losses.patches > 1, "patches is {}: one patch has no others to be told from", self.losses.patches);
         for (domain, name) in [(&self.simulated, "simulated"), (&self.real, "real")] {
             for (list, part) in [(&domain.train, "train"), (&domain.validate, "validate"), (&domain.test, "test")] {

@@ -59,6 +59,7 @@ impl Translating {
         let coding = self.reporting.coding;
         Step {
             simulated: coding.view(&pair.simulated),
+            surfaces: coding.view(&pair.surfaces),
             real: coding.view(&pair.real),
             seed: self.sampler.seed,
             number,

@@ -48,8 +48,10 @@ pub fn uniform([batch, rings, columns]: [usize; 3], rng: &mut ChaCha8Rng, device
 /// As many simulated scans as real ones, in physical units, each `[batch, 3, ring, column]`.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// Simulated.
+    /// Simulated, as they are shown to the generator.
     pub simulated: Tensor<4>,
+    /// The same with the reflectance of their surfaces, also where they are shown with another simulator's.
+    pub surfaces: Tensor<4>,
     /// Real; of other places.
     pub real: Tensor<4>,
 }
@@ -74,15 +76,22 @@ pub struct Sampler {
 impl Sampler {
     /// The batch of a step.
     pub fn pair(&self, step: usize, device: &Device) -> Pair {
-        let of = |domain: &Domain, chance: Chance| {
-            let mut rng = chance.of(self.seed, step);
-            let cut = |_| {
-                let image = &domain.images[rng.random_range(0..domain.images.len())];
-                self.augmentation.cut(image, self.crop_columns, &mut rng)
-            };
-            scans(&(0..self.batch).map(cut).collect::<Vec<_>>(), device)
+        let cut = |domain: &Domain, rng: &mut ChaCha8Rng| {
+            let image = &domain.images[rng.random_range(0..domain.images.len())];
+            self.augmentation.cut(image, self.crop_columns, rng)
         };
-        Pair { simulated: of(&self.simulated, Chance::Simulated), real: of(&self.real, Chance::Real) }
+        let mut rng = Chance::Simulated.of(self.seed, step);
+        let (surfaces, simulated): (Vec<_>, Vec<_>) = (0..self.batch)
+            .map(|_| {
+                let surfaces = cut(&self.simulated, &mut rng);
+                let simulated = self.augmentation.attenuate(surfaces.clone(), &mut rng);
+                (surfaces, simulated)
+            })
+            .unzip();
+        let mut rng = Chance::Real.of(self.seed, step);
+        let real: Vec<_> = (0..self.batch).map(|_| cut(&self.real, &mut rng)).collect();
+        let [simulated, surfaces, real] = [simulated, surfaces, real].map(|images| scans(&images, device));
+        Pair { simulated, surfaces, real }
     }
 }
 

@@ -15,7 +15,8 @@ use crate::translation::translator::Translator;
 use crate::translation::view::View;
 
 /// A generator, and the network of another run that it is to answer like. It plays against nobody, so nothing swings; of real scans it
-/// knows what the teacher does.
+/// knows what the teacher does. Where the student is shown a scan with the reflectance of another simulator, the teacher still sees that of
+/// its surfaces: the student learns that it need not go by it.
 #[derive(Debug)]
 pub struct Distil {
     student: Trainee<Resnet>,
@@ -42,7 +43,7 @@ impl Approach for Distil {
     fn step(&mut self, step: &Step) -> Losses {
         let losses = self.setting.losses;
         let View { image, condition, returned } = &step.simulated;
-        let (shown, said) = (self.shown(&step.simulated), self.student.network.forward(image.clone(), condition));
+        let (shown, said) = (self.shown(&step.surfaces), self.student.network.forward(image.clone(), condition));
         let mean = |error: Tensor<4>| weighted_mean(error, returned.clone());
         // The divergence of one mask from the other: 0 where they agree, which their cross entropy is not.
         let outcome = sigmoid(shown.keep_logit.clone());

@@ -25,6 +25,8 @@ pub use gc_gan::GcGan;
 pub struct Step {
     /// Simulated scans.
     pub simulated: View,
+    /// The same with the reflectance of their surfaces, also where they are shown with another simulator's.
+    pub surfaces: View,
     /// Real scans, of other places.
     pub real: View,
     /// The run's seed.
