@@ -301,7 +301,7 @@ impl Projection {
             (out.x[kept], out.y[kept], out.z[kept]) = (x * stretch, y * stretch, z * stretch);
             out.intensity[kept] = measured.reflectance[pixel] * cloud.full_scale;
             self.selected[kept] = i;
-            kept += usize::from(measured.keep[pixel] & (measured_m > 0.0));
+            kept += usize::from(measured.keep[pixel]) & usize::from(measured_m > 0.0);
         }
         for values in [&mut out.x, &mut out.y, &mut out.z, &mut out.intensity] {
             values.truncate(kept);

@@ -61,8 +61,8 @@ impl Sampled {
             let is_nan = range_m.is_nan() || reflectance.is_nan() || probability.is_nan();
             // Fewer rays than 2³²; a checked addition would keep the loop from being vectorised.
             rays = rays.wrapping_add(u32::from(counts));
-            nan = nan.wrapping_add(u32::from(counts & is_nan));
-            *keep &= counts & (range_m > 0.0) & (range_m < f32::INFINITY);
+            nan = nan.wrapping_add(u32::from(counts && is_nan));
+            *keep &= counts && range_m > 0.0 && range_m < f32::INFINITY;
         }
         if nan > 0 { Err(NotANumber { nan: nan as usize, rays: rays as usize }.into()) } else { Ok(()) }
     }
