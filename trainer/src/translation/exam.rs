@@ -68,19 +68,13 @@ impl<'s> Exam<'s> {
 
     /// The scores of a network whose [`answers`](Self::answers) these are.
     pub fn marks(&self, network: &impl Generator, answers: &[RangeImage]) -> Result<Marks> {
-        let shown: Vec<RangeImage> = self.twins.iter().map(|twin| twin.simulated.clone()).collect();
-        let mut twins = self.distances(&crate::generator::answers(network, &shown))?;
-        twins
-            .extend(self.ray_by_ray(network).into_iter().map(|score| Distance { value: score.model, ..named(&score) }));
+        let twins = self.twins(&crate::generator::answers(network, &self.shown()), network, |score| score.model)?;
         Ok(Marks { elsewhere: self.elsewhere(answers)?, twins })
     }
 
     /// The scores of the scans as the simulation gives them.
     pub fn of_simulation(&self) -> Result<Marks> {
-        let shown: Vec<RangeImage> = self.twins.iter().map(|twin| twin.simulated.clone()).collect();
-        let mut twins = self.distances(&shown)?;
-        let untouched = self.ray_by_ray(&PassThrough);
-        twins.extend(untouched.into_iter().map(|score| Distance { value: score.pass_through, ..named(&score) }));
+        let twins = self.twins(&self.shown(), &PassThrough, |score| score.pass_through)?;
         Ok(Marks { elsewhere: self.elsewhere(&self.simulated)?, twins })
     }
 
@@ -98,8 +92,26 @@ impl<'s> Exam<'s> {
         Ok(scores)
     }
 
-    fn ray_by_ray(&self, network: &impl Generator) -> Vec<proto::card::Score> {
-        evaluate(network, self.twins.iter().cloned(), &Device::flex()).to_card()
+    /// The real scans as they look simulated.
+    fn shown(&self) -> Vec<RangeImage> {
+        self.twins.iter().map(|twin| twin.simulated.clone()).collect()
+    }
+
+    /// How far answers to these are from the real scans; then the network ray by ray.
+    fn twins(
+        &self,
+        answers: &[RangeImage],
+        network: &impl Generator,
+        value: fn(&proto::card::Score) -> f64,
+    ) -> Result<Vec<Distance>> {
+        let by_ray = evaluate(network, self.twins.iter().cloned(), &Device::flex()).to_card();
+        let mut scores = self.distances(answers)?;
+        scores.extend(by_ray.into_iter().map(|score| Distance {
+            value: value(&score),
+            metric: score.metric,
+            unit: score.unit,
+        }));
+        Ok(scores)
     }
 
     /// What was compared, in a sentence.
@@ -137,11 +149,6 @@ impl Generator for PassThrough {
         let channel = |i: usize| scan.clone().slice(s![.., i..i + 1, .., ..]);
         Measurement { range_m: channel(0), reflectance: channel(1), keep: channel(0).greater_elem(0.0).float() }
     }
-}
-
-/// A score by its name alone.
-fn named(score: &proto::card::Score) -> Distance {
-    Distance { metric: score.metric.clone(), unit: score.unit.clone(), value: f64::NAN }
 }
 
 impl From<Score> for Distance {

@@ -67,9 +67,9 @@ impl Table {
             Ok(Row { name, config: TranslationConfig::read(&path.with_file_name(config))?, teacher })
         };
         let rows: Vec<_> = config.row.into_iter().map(row).collect::<Result<_>>()?;
-        let (first, others) = rows.split_first().context("no rows")?;
+        let first = &rows[0];
         let expected = first.data()?;
-        for (i, row) in others.iter().enumerate() {
+        for (i, row) in rows.iter().enumerate() {
             let (name, found) = (&row.name, row.data()?);
             ensure!(found == expected, "row {name} differs in data from {}:\n{found}\n{expected}", first.name);
             match &row.teacher {
@@ -81,7 +81,7 @@ impl Table {
                     first.budget()
                 ),
                 Some(teacher) => {
-                    ensure!(rows[..=i].iter().any(|row| row.name == *teacher), "row {name}: no row above is {teacher}");
+                    ensure!(rows[..i].iter().any(|row| row.name == *teacher), "row {name}: no row above is {teacher}");
                 }
             }
         }
