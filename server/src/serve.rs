@@ -85,11 +85,7 @@ pub fn serve(config: &Config) -> Result<Server, ServeError> {
     let tls = config.tls.as_ref().map(TlsFiles::acceptor).transpose()?;
     let (stop, end, metrics) = (CancellationToken::new(), CancellationToken::new(), Metrics::new());
     let (catalogue, loader) = read_models(config, &metrics, &end)?;
-    // They only move bytes: whatever takes time is the workers' own. With as many threads as cores, a connection's next piece is taken up
-    // by whichever of them sleeps, and has to wake it first.
-    let threads = std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2));
-    let runtime =
-        tokio::runtime::Builder::new_multi_thread().worker_threads(threads).enable_all().thread_name("http").build()?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("http").build()?;
     let default = catalogue.find(None, None, None).map_err(CatalogueError::from)?;
     runtime.block_on(catalogue.pool(&default))?;
     let (listener, addr) = bind(&runtime, &config.addr, config.socket_mode)?;
