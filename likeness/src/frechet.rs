@@ -24,8 +24,8 @@ pub fn frechet(a: &[&[f64]], b: &[&[f64]]) -> f64 {
     let root = root(cov_a.clone());
     let both = SymmetricEigen::new(&root * &cov_b * &root).eigenvalues;
     let shared: f64 = both.iter().map(|x| x.max(0.0).sqrt()).sum();
-    // Of nothing, rounding may leave less.
-    ((mean_a - mean_b).norm_squared() + cov_a.trace() + cov_b.trace() - 2.0 * shared).max(0.0)
+    // Of nothing, rounding may leave less; `max` would take what is no number for nothing.
+    ((mean_a - mean_b).norm_squared() + cov_a.trace() + cov_b.trace() - 2.0 * shared).clamp(0.0, f64::INFINITY)
 }
 
 fn moments(samples: &[&[f64]]) -> (DVector<f64>, DMatrix<f64>) {
@@ -65,6 +65,15 @@ pub(crate) mod tests {
         let found = distance(&wave(12, 0.0), &wave(9, 0.5));
         assert!((found - 4.059_557_559_877).abs() < 1e-8, "{found}");
         assert!(distance(&wave(12, 0.0), &wave(12, 0.0)).abs() < 1e-8);
+    }
+
+    #[test]
+    fn of_the_same_samples_it_is_nothing_and_of_what_is_no_number_none() {
+        let (same, mut broken) = (wave(12, 0.0), wave(12, 0.0));
+        let nothing = distance(&same, &same);
+        assert!((0.0..1e-9).contains(&nothing), "{nothing}");
+        broken[3][1] = f64::NAN;
+        assert!(distance(&broken, &same).is_nan());
     }
 
     #[test]
