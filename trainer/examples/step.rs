@@ -53,10 +53,10 @@ fn main() -> Result<()> {
     let (simulated, real) = (scan(), scan());
     for (number, line) in std::io::stdin().lock().lines().enumerate() {
         line?;
-        let (simulated, surfaces, real) = (simulated.clone(), simulated.clone(), real.clone());
+        let (simulated, real) = (simulated.clone(), real.clone());
         let started = Instant::now();
         // The losses are numbers: whatever a backend puts off is done.
-        method.step(&Step { simulated, surfaces, real, seed: 1, number, rate: config.schedule.rate(number) });
+        method.step(&Step { simulated, real, twins: None, seed: 1, number, rate: config.schedule.rate(number) });
         println!("{}", started.elapsed().as_secs_f64());
         std::io::stdout().flush()?;
     }

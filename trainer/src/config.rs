@@ -158,7 +158,8 @@ fn read_extended(path: &Path, depth: usize) -> Result<toml::Table> {
     Ok(table)
 }
 
-fn merge(table: &mut toml::Table, later: toml::Table) {
+/// Puts the keys of a later table over those of an earlier one, table by table.
+pub fn merge(table: &mut toml::Table, later: toml::Table) {
     for (key, value) in later {
         match (table.get_mut(&key), value) {
             (Some(toml::Value::Table(before)), toml::Value::Table(value)) => merge(before, value),

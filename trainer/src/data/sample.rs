@@ -122,7 +122,7 @@ impl Sampler {
 }
 
 impl SimulatedReflectance {
-    fn random(rng: &mut impl Rng) -> Self {
+    pub(crate) fn random(rng: &mut impl Rng) -> Self {
         match rng.random_range(0..10) {
             0..5 => Self::Attenuation(rng.random_range(0.002..0.008)),
             5..7 => Self::Constant(rng.random_range(0.0..1.0)),
@@ -168,6 +168,28 @@ impl Sample {
         let keep_weight =
             if drops_observed { holes::weights(&filled.pixel, real.columns()) } else { vec![0.0; filled.pixel.len()] };
         Self { simulated, real, pixel: filled.pixel, keep_weight }
+    }
+
+    /// So many columns of it from `from` on, round the turn, left and right exchanged if it is `mirrored`.
+    #[must_use]
+    pub fn cut(&self, from: usize, count: usize, mirrored: bool) -> Self {
+        let (rings, columns) = (self.real.rings(), self.real.columns());
+        let column = move |k: usize| (from + if mirrored { count - 1 - k } else { k }) % columns;
+        let pixels: Vec<usize> =
+            (0..rings).flat_map(|ring| (0..count).map(move |k| ring * columns + column(k))).collect();
+        let image = |image: &RangeImage| {
+            let mut cut = cut_columns(image, from, count);
+            if mirrored {
+                mirror(&mut cut);
+            }
+            cut
+        };
+        Self {
+            simulated: image(&self.simulated),
+            real: image(&self.real),
+            pixel: pixels.iter().map(|i| self.pixel[*i]).collect(),
+            keep_weight: pixels.iter().map(|i| self.keep_weight[*i]).collect(),
+        }
     }
 
     /// The same sample without the rays of these pixels, of which nothing is asked.
@@ -217,6 +239,43 @@ fn mirror(image: &mut RangeImage) {
             image.set(i, original.range_m()[from], original.reflectance()[from], original.class()[from]);
         } else {
             image.remove(i);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every pixel says which one it is.
+    fn sample(columns: usize) -> Sample {
+        let pixels = 2 * columns;
+        let image = |from: f32| {
+            let range_m = (0..pixels).map(|i| from + i as f32).collect();
+            RangeImage::from_channels(columns, range_m, vec![0.5; pixels], vec![1; pixels])
+        };
+        let pixel = (0..pixels).map(|i| if i % 2 == 0 { Pixel::Kept } else { Pixel::Decoy }).collect();
+        Sample {
+            simulated: image(1.0),
+            real: image(101.0),
+            pixel,
+            keep_weight: (0..pixels).map(|i| i as f32).collect(),
+        }
+    }
+
+    #[test]
+    fn a_cut_out_goes_round_the_turn_and_keeps_together_what_belongs_together() {
+        for (mirrored, columns) in [(false, [6, 7, 0]), (true, [0, 7, 6])] {
+            let cut = sample(8).cut(6, 3, mirrored);
+            for (k, column) in columns.into_iter().enumerate() {
+                for ring in 0..2 {
+                    let (i, from) = (3 * ring + k, 8 * ring + column);
+                    assert_eq!(cut.simulated.range_m()[i], 1.0 + from as f32, "{mirrored} {ring} {column}");
+                    assert_eq!(cut.real.range_m()[i], 101.0 + from as f32);
+                    assert_eq!(cut.keep_weight[i], from as f32);
+                    assert_eq!(cut.pixel[i] == Pixel::Decoy, from % 2 == 1);
+                }
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use burn::tensor::{Bytes, Device, Gradients, Tensor};
 
 use super::checkpoint::{network_bytes, network_from};
 use super::parts::Parts;
-use crate::translation::config::Schedule;
+use crate::translation::schedule::Schedule;
 
 /// Adam's decay of the mean square gradient, and what is added to its root: Kingma and Ba (2015), `PyTorch`'s defaults.
 const BETA_2: f32 = 0.999;

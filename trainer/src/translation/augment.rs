@@ -1,15 +1,8 @@
 //! What one scan teaches of others: the same street turned, mirrored, seen by lasers that fire a little earlier or later, unlabelled.
 
-use std::ops::Range;
-
 use lidar::RangeImage;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
-
-use crate::data::sample::SimulatedReflectance;
-
-/// CARLA's default is in the middle.
-const ATTENUATION_PER_M: Range<f32> = 0.002..0.008;
 
 /// How scans of either domain are varied; labels move with what they label.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,14 +16,11 @@ pub struct Augmentation {
     pub ring_jitter_columns: usize,
     /// Share of the scans that lose their labels, so that unlabelled scans are understood too.
     pub unlabelled_share: f64,
-    /// Share of the simulated scans whose reflectance is what CARLA reports whatever a ray hits, e^(−a r), a from 0.002 to 0.008 a metre,
-    /// instead of the surface's: what simulators mean by intensity differs, and a network only knows what it has seen.
-    pub attenuated_share: f64,
 }
 
 impl Default for Augmentation {
     fn default() -> Self {
-        Self { turn: true, mirror: true, ring_jitter_columns: 0, unlabelled_share: 0.25, attenuated_share: 0.0 }
+        Self { turn: true, mirror: true, ring_jitter_columns: 0, unlabelled_share: 0.25 }
     }
 }
 
@@ -60,17 +50,6 @@ impl Augmentation {
             }
         }
         out
-    }
-
-    /// The reflectance of another simulator, for a share of the simulated scans.
-    pub fn attenuate(&self, simulated: RangeImage, rng: &mut impl Rng) -> RangeImage {
-        if self.attenuated_share == 0.0 || !rng.random_bool(self.attenuated_share) {
-            return simulated;
-        }
-        let attenuation = SimulatedReflectance::Attenuation(rng.random_range(ATTENUATION_PER_M));
-        let reflectance = attenuation.of(&simulated);
-        let (range_m, class) = (simulated.range_m().to_vec(), simulated.class().to_vec());
-        RangeImage::from_channels(simulated.columns(), range_m, reflectance, class)
     }
 }
 
@@ -119,22 +98,6 @@ mod tests {
             let row = cut(augmentation, seed).range_m()[..8].to_vec();
             assert!(row.is_sorted(), "{row:?}");
         }
-    }
-
-    #[test]
-    fn as_many_scans_as_was_asked_for_have_the_reflectance_of_another_simulator() {
-        let attenuate = |share: f64, seed: u64| {
-            let augmentation = Augmentation { attenuated_share: share, ..Augmentation::default() };
-            augmentation.attenuate(image(), &mut ChaCha8Rng::seed_from_u64(seed))
-        };
-        let changed: Vec<RangeImage> = (0..400).map(|seed| attenuate(0.25, seed)).filter(|a| *a != image()).collect();
-        // 100 are expected; four standard deviations to either side.
-        assert!((65..135).contains(&changed.len()), "{} of 400", changed.len());
-        for image in changed {
-            let rate = |i: usize| -image.reflectance()[i].ln() / image.range_m()[i];
-            assert!((0.002..0.008).contains(&rate(40)) && (rate(10) - rate(60)).abs() < 1e-4, "{}", rate(40));
-        }
-        assert!((0..20).all(|seed| attenuate(0.0, seed) == image()));
     }
 
     #[test]

@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::answer::Reporting;
 use super::augment::Augmentation;
 use super::domain::Grid;
+use super::losses::Losses;
+use super::schedule::Schedule;
 use super::view::{Coding, Unreported};
 use crate::backend::Backend;
 use crate::config::{DataConfig, load_sensor, read_table};
@@ -78,6 +80,10 @@ pub struct TranslationConfig {
     /// sensor. A network cannot know where that vehicle is, and would scatter the loss over all azimuths.
     #[serde(default)]
     pub own_vehicle: bool,
+    /// The simulated scans' reflectance, if not their own: e^(−a r) with this a, in 1/m, whatever a ray hits. CARLA reports that, its
+    /// `atmosphere_attenuation_rate` being 0.004; what simulators mean by intensity differs, and a network only knows what it has seen.
+    #[serde(default)]
+    pub attenuation_per_m: Option<f64>,
     /// The generator.
     #[serde(default)]
     pub generator: ResnetConfig,
@@ -112,120 +118,6 @@ pub struct Split {
     pub validate: Vec<DataConfig>,
     /// What it is scored on, once, at the end.
     pub test: Vec<DataConfig>,
-}
-
-/// What a discriminator and its generator play for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Game {
-    /// Squared distance to 1 and 0: Mao et al., "Least squares generative adversarial networks" (2017); CUT's choice.
-    #[default]
-    LeastSquares,
-    /// Cross entropy: Goodfellow et al., "Generative adversarial nets" (2014); CLS2R's equation 7.
-    Original,
-}
-
-/// Weights of the losses; each method takes those that it knows.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Losses {
-    /// The adversarial loss, of weight 1.
-    pub game: Game,
-    /// CLS2R: patches of the answer against those of the simulated scan; the paper's λ for X.
-    pub contrast: f64,
-    /// CLS2R: patches of the answer to a real scan against those of the scan itself; the paper's λ for Y.
-    pub contrast_identity: f64,
-    /// CLS2R: patches a layer.
-    pub patches: usize,
-    /// `CycleGAN`: mean absolute difference between a scan and what the way there and back makes of it.
-    pub cycle: f64,
-    /// `GcGAN`: mean absolute difference between the mirrored answer and the answer to the mirrored scan; the authors' 10 · 2.
-    pub geometry: f64,
-    /// `CycleGAN`, `GcGAN`: mean absolute difference between a scan of the domain that is aimed at and what becomes of it; 10 · 0.5 of
-    /// `CycleGAN`'s authors (`GcGAN`'s take 10 · 0.3).
-    pub identity: f64,
-    /// `CycleGAN`: earlier answers that a discriminator may be shown again.
-    pub pool: usize,
-    /// Beside the cross entropy of the keep mask, the mean absolute error of the reflectance (`unet`), of its code (`distil`).
-    pub reflectance: f32,
-    /// The same of ln(r + 1) (`unet`), of the range code (`distil`).
-    pub range: f32,
-}
-
-impl Default for Losses {
-    fn default() -> Self {
-        Self {
-            game: Game::default(),
-            contrast: 1.0,
-            contrast_identity: 2.0,
-            patches: 256,
-            cycle: 10.0,
-            geometry: 20.0,
-            identity: 5.0,
-            pool: 50,
-            reflectance: 4.0,
-            range: 2.0,
-        }
-    }
-}
-
-/// How the losses are minimised.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Schedule {
-    /// Optimiser steps.
-    pub steps: usize,
-    /// Scans of each domain a step.
-    pub batch: usize,
-    /// Columns of a cut-out; a whole turn where it is the sensor's number of columns.
-    pub crop_columns: usize,
-    /// Adam's learning rate to begin with.
-    pub learning_rate: f64,
-    /// Steps after which the learning rate is multiplied by [`decay`](Self::decay), again and again; 0 = never.
-    pub decay_every: usize,
-    /// See [`decay_every`](Self::decay_every).
-    pub decay: f64,
-    /// Adam's decay of the mean gradient; CUT's β₁. That of its square is 0.999.
-    pub beta_1: f32,
-    /// Longest gradient of a parameter tensor; longer ones are shortened to it.
-    pub clip_norm: f32,
-    /// Per step, the share of the averaged generator that stays: the exponential moving average that is validated and exported. 0 = the
-    /// generator itself.
-    pub average: f64,
-    /// Steps between two checkpoints; each is scored on the validation scans.
-    pub checkpoint_every: usize,
-    /// Steps between two pictures; 0 = none.
-    pub samples_every: usize,
-    /// Checkpoints without a better score after which training ends early; 0 = never.
-    pub patience: usize,
-}
-
-impl Default for Schedule {
-    /// The paper's rate, decay and batch.
-    fn default() -> Self {
-        Self {
-            steps: 4000,
-            batch: 12,
-            crop_columns: 256,
-            learning_rate: 5e-5,
-            decay_every: 0,
-            decay: 0.5,
-            beta_1: 0.5,
-            clip_norm: 10.0,
-            average: 0.999,
-            checkpoint_every: 250,
-            samples_every: 250,
-            patience: 0,
-        }
-    }
-}
-
-impl Schedule {
-    /// The learning rate of a step.
-    pub fn rate(&self, step: usize) -> f64 {
-        let decays = step.checked_div(self.decay_every).unwrap_or(0);
-        self.learning_rate * self.decay.powi(decays.min(1000) as i32)
-    }
 }
 
 fn yes() -> bool {
@@ -321,6 +213,11 @@ impl TranslationConfig {
             self.teacher.is_none() || self.method == Method::Distil,
             "teacher: only the method distil learns from another run"
         );
+        let twins = self.losses.twins;
+        ensure!(
+            twins == 0.0 || (twins > 0.0 && twins.is_finite() && self.method == Method::Cls2r && self.ray_drop),
+            "losses.twins is {twins}: only cls2r with ray drop learns from twins, which weigh 0 or more"
+        );
         self.served()?;
         let told_apart = self.generator.rings;
         ensure!(
@@ -338,9 +235,10 @@ impl TranslationConfig {
                 d.halvings
             );
         }
-        let a = &self.augmentation;
-        for (name, share) in [("unlabelled_share", a.unlabelled_share), ("attenuated_share", a.attenuated_share)] {
-            ensure!((0.0..=1.0).contains(&share), "{name} is {share}, expected 0 to 1");
+        let unlabelled = self.augmentation.unlabelled_share;
+        ensure!((0.0..=1.0).contains(&unlabelled), "unlabelled_share is {unlabelled}, expected 0 to 1");
+        if let Some(rate) = self.attenuation_per_m {
+            ensure!((0.0..=1.0).contains(&rate), "attenuation_per_m is {rate}, expected 0 to 1");
         }
         ensure!(self.losses.patches > 1, "patches is {}: one patch has no others to be told from", self.losses.patches);
         for (domain, name) in [(&self.simulated, "simulated"), (&self.real, "real")] {
@@ -391,6 +289,9 @@ mod tests {
             ("[schedule]\naverage = 1.0", "average"),
             ("columns = 512\nserved_columns = 2000", "served_columns is 2000"),
             ("[losses]\npatches = 1", "patches"),
+            ("[losses]\ntwins = -1.0", "losses.twins is -1"),
+            ("ray_drop = false\n[losses]\ntwins = 1.0", "only cls2r with ray drop"),
+            ("attenuation_per_m = -0.1", "attenuation_per_m is -0.1"),
             ("[generator]\nrings = 32", "generator.rings is 32"),
             ("[generator]\nwidht = 3", "widht"),
             ("[discriminator]\nhalvings = 5", "rings: 64 hold no patch"),
@@ -406,12 +307,5 @@ mod tests {
         let config = parse(&text("", ""))?;
         assert_eq!(parse(&config.to_toml()?)?.to_toml()?, config.to_toml()?);
         Ok(())
-    }
-
-    #[test]
-    fn the_learning_rate_falls_in_steps() {
-        let schedule = Schedule { learning_rate: 1e-3, decay_every: 10, decay: 0.5, ..Schedule::default() };
-        assert_eq!([0, 9, 10, 25].map(|step| schedule.rate(step)), [1e-3, 1e-3, 5e-4, 2.5e-4]);
-        assert_eq!(Schedule { decay_every: 0, ..schedule }.rate(1000), 1e-3);
     }
 }

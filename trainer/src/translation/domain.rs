@@ -9,6 +9,7 @@ use proto::card::Dataset;
 use super::config::TranslationConfig;
 use crate::config::DataConfig;
 use crate::data::Scans;
+use crate::data::sample::SimulatedReflectance;
 
 /// Least share of the sensor's rings that a scan of it fills; one of a sensor with half as many rings does not.
 const LEAST_RINGS: f64 = 0.7;
@@ -88,11 +89,25 @@ impl Domain {
         self
     }
 
-    /// Scans of a config's simulation, as they are compared with `real` ones: where the config asks for it, without the rays that those lose
-    /// to the vehicle that carries the sensor.
+    /// The same scans with the reflectance e^(−a r), in place of their own.
+    #[must_use]
+    pub fn attenuated(mut self, rate_per_m: f32) -> Self {
+        for image in &mut self.images {
+            let reflectance = SimulatedReflectance::Attenuation(rate_per_m).of(image);
+            let (range_m, class) = (image.range_m().to_vec(), image.class().to_vec());
+            *image = RangeImage::from_channels(image.columns(), range_m, reflectance, class);
+        }
+        self
+    }
+
+    /// Scans of a config's simulation, as they are compared with `real` ones: where the config asks for it, with the reflectance of a
+    /// simulator that knows no surfaces, and without the rays that the real ones lose to the vehicle that carries the sensor.
     pub fn simulated(config: &TranslationConfig, data: &Path, list: &[DataConfig], real: &Self) -> Result<Self> {
         let grid = config.grid()?;
-        let domain = Self::load(data, list, &grid)?;
+        let mut domain = Self::load(data, list, &grid)?;
+        if let Some(rate_per_m) = config.attenuation_per_m {
+            domain = domain.attenuated(rate_per_m as f32);
+        }
         Ok(if config.own_vehicle { domain.without(&real.own_vehicle(&grid.sensor)) } else { domain })
     }
 }
@@ -152,6 +167,17 @@ mod tests {
         let other = Domain { images: vec![image(32)], datasets: vec![] }.without(&lost);
         assert_eq!(other.images[0].returns(), 16 * 32 - 2);
         Ok(())
+    }
+
+    #[test]
+    fn attenuated_scans_have_the_reflectance_of_their_ranges() {
+        let range_m = (0..32).map(|i| i as f32).collect();
+        let image = RangeImage::from_channels(8, range_m, vec![0.3; 32], vec![2; 32]);
+        let domain = Domain { images: vec![image.clone()], datasets: vec![] }.attenuated(0.1);
+        let attenuated = &domain.images[0];
+        assert_eq!((attenuated.range_m(), attenuated.class()), (image.range_m(), image.class()));
+        assert_eq!(attenuated.reflectance()[0], image.reflectance()[0], "no return");
+        assert!((attenuated.reflectance()[10] - (-1.0_f32).exp()).abs() < 1e-6);
     }
 
     #[test]

@@ -1,9 +1,20 @@
 //! What a discriminator and its generator play for.
 
 use burn::tensor::Tensor;
+use serde::{Deserialize, Serialize};
 
-use super::config::Game;
 use crate::loss::cross_entropy;
+
+/// What a discriminator and its generator play for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Game {
+    /// Squared distance to 1 and 0: Mao et al., "Least squares generative adversarial networks" (2017); CUT's choice.
+    #[default]
+    LeastSquares,
+    /// Cross entropy: Goodfellow et al., "Generative adversarial nets" (2014); CLS2R's equation 7.
+    Original,
+}
 
 impl Game {
     /// The discriminator's loss: of its logits of real scans and of answers, of any size.

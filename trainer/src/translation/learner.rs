@@ -5,10 +5,11 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
 use super::answer::Reporting;
-use super::config::{Schedule, TranslationConfig};
+use super::config::TranslationConfig;
 use super::examiner::Examiner;
 use super::method::{Approach, Setting, Step};
 use super::sampler::Sampler;
+use super::schedule::Schedule;
 use super::translator::Translator;
 use super::view::View;
 use crate::network::{NormKind, Resnet, ResnetConfig};
@@ -29,6 +30,7 @@ pub struct Translating {
     sampler: Sampler,
     examiner: Examiner,
     reporting: Reporting,
+    with_twins: bool,
     schedule: Schedule,
     generator: ResnetConfig,
     device: Device,
@@ -48,6 +50,7 @@ impl Translating {
             sampler,
             examiner,
             reporting: setting.reporting,
+            with_twins: setting.losses.twins > 0.0,
             schedule: config.schedule,
             generator: config.generator,
             device,
@@ -59,8 +62,8 @@ impl Translating {
         let coding = self.reporting.coding;
         Step {
             simulated: coding.view(&pair.simulated),
-            surfaces: coding.view(&pair.surfaces),
             real: coding.view(&pair.real),
+            twins: self.with_twins.then(|| self.sampler.twins(number, coding, &self.device)),
             seed: self.sampler.seed,
             number,
             rate: self.schedule.rate(number),

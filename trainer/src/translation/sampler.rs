@@ -17,6 +17,8 @@ pub enum Chance {
     Real,
     /// Which rays are reported; one generator after the other.
     RayDrop(u8),
+    /// Which real ones are made to look simulated, and how.
+    Twins,
     /// Which places are compared.
     Places,
     /// Which of the earlier answers a discriminator is shown.
@@ -32,6 +34,7 @@ impl Chance {
             Self::Places => 2,
             Self::Pool => 3,
             Self::RayDrop(generator) => 4 + u64::from(generator),
+            Self::Twins => 1 << 15,
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream((step as u64) << 16 | number);
@@ -48,10 +51,8 @@ pub fn uniform([batch, rings, columns]: [usize; 3], rng: &mut ChaCha8Rng, device
 /// As many simulated scans as real ones, in physical units, each `[batch, 3, ring, column]`.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// Simulated, as they are shown to the generator.
+    /// Simulated.
     pub simulated: Tensor<4>,
-    /// The same with the reflectance of their surfaces, also where they are shown with another simulator's.
-    pub surfaces: Tensor<4>,
     /// Real; of other places.
     pub real: Tensor<4>,
 }
@@ -71,6 +72,8 @@ pub struct Sampler {
     pub crop_columns: usize,
     /// How scans are varied.
     pub augmentation: Augmentation,
+    /// Numbers of the pixels that the real scans' own vehicle hides, where that is told.
+    pub own_vehicle: Vec<usize>,
 }
 
 impl Sampler {
@@ -80,18 +83,14 @@ impl Sampler {
             let image = &domain.images[rng.random_range(0..domain.images.len())];
             self.augmentation.cut(image, self.crop_columns, rng)
         };
-        let mut rng = Chance::Simulated.of(self.seed, step);
-        let (surfaces, simulated): (Vec<_>, Vec<_>) = (0..self.batch)
-            .map(|_| {
-                let surfaces = cut(&self.simulated, &mut rng);
-                let simulated = self.augmentation.attenuate(surfaces.clone(), &mut rng);
-                (surfaces, simulated)
-            })
-            .unzip();
-        let mut rng = Chance::Real.of(self.seed, step);
-        let real: Vec<_> = (0..self.batch).map(|_| cut(&self.real, &mut rng)).collect();
-        let [simulated, surfaces, real] = [simulated, surfaces, real].map(|images| scans(&images, device));
-        Pair { simulated, surfaces, real }
+        let batch = |domain: &Domain, mut rng: ChaCha8Rng| {
+            let images: Vec<_> = (0..self.batch).map(|_| cut(domain, &mut rng)).collect();
+            scans(&images, device)
+        };
+        Pair {
+            simulated: batch(&self.simulated, Chance::Simulated.of(self.seed, step)),
+            real: batch(&self.real, Chance::Real.of(self.seed, step)),
+        }
     }
 }
 
@@ -119,7 +118,15 @@ mod tests {
         };
         let domain = |from: f32| Domain { images: vec![image(from), image(from + 200.0)], datasets: vec![] };
         let (simulated, real) = (domain(1000.0), domain(5000.0));
-        Sampler { simulated, real, seed, batch: 3, crop_columns: 16, augmentation: Augmentation::default() }
+        Sampler {
+            simulated,
+            real,
+            seed,
+            batch: 3,
+            crop_columns: 16,
+            augmentation: Augmentation::default(),
+            own_vehicle: vec![],
+        }
     }
 
     fn values(x: Tensor<4>) -> Vec<f32> {

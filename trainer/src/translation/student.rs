@@ -3,8 +3,8 @@
 use anyhow::Result;
 use burn::tensor::Tensor;
 
-use super::config::Schedule;
 use super::examiner::Examiner;
+use super::schedule::Schedule;
 use crate::loss::Weights;
 use crate::train::checkpoint::network_bytes;
 use crate::train::supervised::Student;

@@ -11,6 +11,7 @@ use super::exam::{Exam, Marks};
 use super::realness::Distance;
 use super::training::{Trained, best_network, train};
 use crate::backend::Backend;
+use crate::config::{merge, read_table};
 use crate::realness::Protocol;
 use crate::realness::report::short;
 use crate::segmentation::Segmentation;
@@ -22,6 +23,9 @@ use crate::train::{Run, checkpoint};
 pub struct TableConfig {
     /// Seeds that every row is trained with.
     pub seeds: Vec<u64>,
+    /// What every row's config is told besides, keys as in a config.
+    #[serde(default)]
+    pub all: toml::Table,
     /// The rows.
     pub row: Vec<RowConfig>,
 }
@@ -61,12 +65,16 @@ impl Table {
     /// another row's answers have a budget of their own.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read table {}", path.display()))?;
-        let config: TableConfig = toml::from_str(&text).with_context(|| format!("table {}", path.display()))?;
-        ensure!(!config.seeds.is_empty() && !config.row.is_empty(), "table {}: no seeds or no rows", path.display());
+        let table = toml::from_str(&text).with_context(|| format!("table {}", path.display()))?;
+        let TableConfig { seeds, all, row: rows } = table;
+        ensure!(!seeds.is_empty() && !rows.is_empty(), "table {}: no seeds or no rows", path.display());
         let row = |RowConfig { name, config, teacher }| {
-            Ok(Row { name, config: TranslationConfig::read(&path.with_file_name(config))?, teacher })
+            let mut table = read_table(&path.with_file_name(config))?;
+            merge(&mut table, all.clone());
+            let config = TranslationConfig::from_table(table).with_context(|| format!("row {name}"))?;
+            Ok(Row { name, config, teacher })
         };
-        let rows: Vec<_> = config.row.into_iter().map(row).collect::<Result<_>>()?;
+        let rows: Vec<_> = rows.into_iter().map(row).collect::<Result<_>>()?;
         let first = &rows[0];
         let expected = first.data()?;
         for (i, row) in rows.iter().enumerate() {
@@ -85,7 +93,7 @@ impl Table {
                 }
             }
         }
-        Ok(Self { seeds: config.seeds, rows })
+        Ok(Self { seeds, rows })
     }
 
     /// The same table, its steps computed by another backend.
@@ -146,7 +154,10 @@ impl Row {
     fn data(&self) -> Result<String> {
         let c = &self.config;
         let (simulated, real) = (toml::to_string(&c.simulated)?, toml::to_string(&c.real)?);
-        Ok(format!("{:?} columns of {:?}, own vehicle: {}\n{simulated}{real}", c.columns, c.sensor, c.own_vehicle))
+        Ok(format!(
+            "{:?} columns of {:?}, own vehicle: {}, attenuation: {:?}\n{simulated}{real}",
+            c.columns, c.sensor, c.own_vehicle, c.attenuation_per_m
+        ))
     }
 
     /// How much is learned.

@@ -129,6 +129,7 @@ fn learner(
         image_numbers: IMAGE_CHANNELS * rings * schedule.crop_columns,
     };
     if let Some(method) = approach(config, setting, &device)? {
+        let own_vehicle = if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] };
         let sampler = Sampler {
             simulated: simulated(&real)?,
             real,
@@ -136,6 +137,7 @@ fn learner(
             batch: schedule.batch,
             crop_columns: schedule.crop_columns,
             augmentation: config.augmentation,
+            own_vehicle,
         };
         return Ok(Box::new(Translating::new(config, (method, setting), (sampler, examiner), device)));
     }

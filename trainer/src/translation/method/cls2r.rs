@@ -5,11 +5,12 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::Device;
 
-use super::{Approach, Setting, Step, value};
+use super::{Approach, Miss, Setting, Step, Target, value};
 use crate::network::{PatchGan, PatchHeads, Places, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
 use crate::translation::sampler::Chance;
+use crate::translation::twins::Twins;
 use crate::translation::view::View;
 
 /// Generator, discriminator, and the heads that describe patches.
@@ -62,15 +63,30 @@ impl Approach for Cls2r {
         };
         let contrast_simulated = contrast(answered.image, &step.simulated, &asked);
         let contrast_real = contrast(same.image, &step.real, &real);
-        let total = game.clone()
+        let mut total = game.clone()
             + contrast_simulated.clone() * losses.contrast
             + contrast_real.clone() * losses.contrast_identity;
-        let values = vec![
+        let mut values = vec![
             ("discriminator", value(&discriminator)),
             ("game", value(&game)),
             ("contrast", value(&contrast_simulated)),
             ("contrast_identity", value(&contrast_real)),
         ];
+        if let Some(Twins { shown, measured, keep_weight }) = &step.twins {
+            let said = generator.forward(shown.image.clone(), &shown.condition);
+            let miss = Miss::new(
+                said,
+                Target {
+                    image: measured.image.clone(),
+                    measured: measured.returned.clone() * shown.returned.clone(),
+                    keep: measured.returned.clone(),
+                    keep_weight: keep_weight.clone(),
+                },
+            );
+            let twins = miss.total(&losses);
+            values.push(("twins", value(&twins)));
+            total = total + twins * losses.twins;
+        }
         let mut gradients = total.backward();
         self.heads.step(step.rate, &mut gradients);
         self.generator.step(step.rate, &mut gradients);

@@ -3,9 +3,9 @@
 use anyhow::{Context, Result, bail, ensure};
 use burn::module::Module;
 use burn::tensor::activation::sigmoid;
-use burn::tensor::{Device, Tensor, s};
+use burn::tensor::{Device, Tensor};
 
-use super::{Approach, Setting, Step, value};
+use super::{Approach, Miss, Setting, Step, Target, value};
 use crate::loss::{cross_entropy, weighted_mean};
 use crate::network::{Generated, Resnet};
 use crate::train::{Losses, Parts, Trainee};
@@ -15,8 +15,7 @@ use crate::translation::translator::Translator;
 use crate::translation::view::View;
 
 /// A generator, and the network of another run that it is to answer like. It plays against nobody, so nothing swings; of real scans it
-/// knows what the teacher does. Where the student is shown a scan with the reflectance of another simulator, the teacher still sees that of
-/// its surfaces: the student learns that it need not go by it.
+/// knows what the teacher does.
 #[derive(Debug)]
 pub struct Distil {
     student: Trainee<Resnet>,
@@ -43,17 +42,16 @@ impl Approach for Distil {
     fn step(&mut self, step: &Step) -> Losses {
         let losses = self.setting.losses;
         let View { image, condition, returned } = &step.simulated;
-        let (shown, said) = (self.shown(&step.surfaces), self.student.network.forward(image.clone(), condition));
-        let mean = |error: Tensor<4>| weighted_mean(error, returned.clone());
+        let (shown, said) = (self.shown(&step.simulated), self.student.network.forward(image.clone(), condition));
+        let keep = sigmoid(shown.keep_logit.clone());
+        let entropy = weighted_mean(cross_entropy(shown.keep_logit, keep.clone()), returned.clone());
+        let target = Target { image: shown.image, measured: returned.clone(), keep, keep_weight: returned.clone() };
+        let miss = Miss::new(said, target);
         // The divergence of one mask from the other: 0 where they agree, which their cross entropy is not.
-        let outcome = sigmoid(shown.keep_logit.clone());
-        let keep = mean(cross_entropy(said.keep_logit, outcome.clone()) - cross_entropy(shown.keep_logit, outcome));
-        let error = (said.image - shown.image).abs();
-        let range = mean(error.clone().slice(s![.., 0..1, .., ..]));
-        let reflectance = mean(error.slice(s![.., 1..2, .., ..]));
-        let values = vec![("keep", value(&keep)), ("range", value(&range)), ("reflectance", value(&reflectance))];
-        let total = keep + range * losses.range + reflectance * losses.reflectance;
-        let mut gradients = total.backward();
+        let miss = Miss { keep: miss.keep - entropy, ..miss };
+        let values =
+            vec![("keep", value(&miss.keep)), ("range", value(&miss.range)), ("reflectance", value(&miss.reflectance))];
+        let mut gradients = miss.total(&losses).backward();
         self.student.step(step.rate, &mut gradients);
         values
     }
@@ -79,9 +77,12 @@ pub fn teacher(config: &TranslationConfig) -> Result<Translator> {
     let load = || -> Result<Translator> {
         let taught = TranslationConfig::read(&run.join("config.toml"))?;
         let seen = |config: &TranslationConfig| -> Result<String> {
-            let TranslationConfig { sensor, columns, licence, own_vehicle, real, .. } = config;
+            let TranslationConfig { sensor, columns, licence, own_vehicle, attenuation_per_m, real, .. } = config;
             let (reporting, real) = (config.reporting()?, toml::to_string(real)?);
-            Ok(format!("{sensor:?} {columns:?} {reporting:?}, own vehicle: {own_vehicle}, licence {licence}\n{real}"))
+            Ok(format!(
+                "{sensor:?} {columns:?} {reporting:?}, own vehicle: {own_vehicle}, attenuation: {attenuation_per_m:?}, \
+                 licence {licence}\n{real}"
+            ))
         };
         let (expected, found) = (seen(config)?, seen(&taught)?);
         ensure!(found == expected, "it learned from\n{found}\nexpected\n{expected}");

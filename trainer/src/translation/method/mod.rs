@@ -6,13 +6,16 @@ mod distil;
 mod gc_gan;
 
 use anyhow::Result;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, s};
 
 use super::answer::Reporting;
-use super::config::{Losses, Method, TranslationConfig};
+use super::config::{Method, TranslationConfig};
+use super::losses::Losses;
 use super::sampler::{Chance, uniform};
+use super::twins::Twins;
 use super::view::View;
-use crate::network::{Resnet, ResnetConfig};
+use crate::loss::{cross_entropy, weighted_mean};
+use crate::network::{Generated, Resnet, ResnetConfig};
 use crate::train::{Losses as Values, Parts};
 
 pub use cls2r::Cls2r;
@@ -25,10 +28,10 @@ pub use gc_gan::GcGan;
 pub struct Step {
     /// Simulated scans.
     pub simulated: View,
-    /// The same with the reflectance of their surfaces, also where they are shown with another simulator's.
-    pub surfaces: View,
     /// Real scans, of other places.
     pub real: View,
+    /// Real scans in pairs, if the config has them learned from.
+    pub twins: Option<Twins>,
     /// The run's seed.
     pub seed: u64,
     /// The step's number.
@@ -80,6 +83,42 @@ pub fn approach(config: &TranslationConfig, setting: Setting, device: &Device) -
         Method::Distil => Some(Box::new(Distil::new(config, setting, device)?)),
         Method::UNet => None,
     })
+}
+
+/// What a generator should have said of scans, pixel by pixel, each `[batch, …, ring, column]`.
+struct Target {
+    /// Range code and reflectance.
+    image: Tensor<4>,
+    /// 1 where these count.
+    measured: Tensor<4>,
+    /// Probability that the ray is reported.
+    keep: Tensor<4>,
+    /// What each ray of these counts.
+    keep_weight: Tensor<4>,
+}
+
+/// How far a generator is from what it should have said; each a scalar.
+struct Miss {
+    /// Cross entropy of the mask, nats a ray.
+    keep: Tensor<1>,
+    /// Mean absolute error of the range code.
+    range: Tensor<1>,
+    /// The same of the reflectance's.
+    reflectance: Tensor<1>,
+}
+
+impl Miss {
+    fn new(said: Generated, target: Target) -> Self {
+        let keep = weighted_mean(cross_entropy(said.keep_logit, target.keep), target.keep_weight);
+        let error = (said.image - target.image).abs();
+        let channel = |i: usize| weighted_mean(error.clone().slice(s![.., i..i + 1, .., ..]), target.measured.clone());
+        Self { keep, range: channel(0), reflectance: channel(1) }
+    }
+
+    /// All of it, each as heavy as the config says.
+    fn total(self, losses: &Losses) -> Tensor<1> {
+        self.keep + self.range * losses.range + self.reflectance * losses.reflectance
+    }
 }
 
 /// Mean absolute difference of two images of one size.
