@@ -37,6 +37,8 @@ enum Command {
     Train(runs::TrainArgs),
     /// Score the best network of a run on its config's test scans, beside doing nothing.
     Evaluate(runs::EvaluateArgs),
+    /// Score an exported model ray by ray, on real scans that are made to look simulated, beside doing nothing.
+    Score(runs::ScoreArgs),
     /// Judge scans that somebody made against scans that a sensor took: how real they look, and how true they are to their simulation.
     Compare(CompareArgs),
     /// Train and score the segmentation network by whose features scans are compared.
@@ -108,6 +110,7 @@ impl Cli {
         match self.command {
             Command::Train(args) => args.run()?,
             Command::Evaluate(args) => println!("{}", args.table()?),
+            Command::Score(args) => println!("{}", args.table()?),
             Command::Compare(args) => args.run()?,
             Command::Segment(args) => args.run()?,
             Command::Export(args) => args.run()?,

@@ -63,14 +63,21 @@ pub fn made_simulated<'a>(images: impl IntoIterator<Item = &'a RangeImage>) -> i
 
 /// Scores a network on real scans that were [made to look simulated](made_simulated).
 pub fn evaluate(network: &impl Generator, samples: impl IntoIterator<Item = Sample>, device: &Device) -> Scores {
+    scores(samples.into_iter().map(|sample| {
+        let answer = Answer::new(network, &sample.simulated, device);
+        (sample, answer)
+    }))
+}
+
+/// Scores answers to real scans that were [made to look simulated](made_simulated).
+pub fn scores(answered: impl IntoIterator<Item = (Sample, Answer)>) -> Scores {
     let mut keep = Vec::new();
     let mut decoys = Vec::new();
     let (mut reflectance, mut carla, mut range_m, mut jittered) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut scans = 0;
-    for sample in samples {
+    for (sample, predicted) in answered {
         scans += 1;
         let real = &sample.real;
-        let predicted = Answer::new(network, &sample.simulated, device);
         for (ring, row) in sample.pixel.chunks(real.columns()).enumerate() {
             let count = |which: Pixel| row.iter().filter(|p| **p == which).count() as f32;
             // Rings differ in how many decoys they have: an untouched return weighs as much as its ring has decoys for it.

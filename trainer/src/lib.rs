@@ -8,6 +8,7 @@ pub mod data;
 pub mod effects;
 pub mod evaluate;
 pub mod export;
+pub mod exported;
 pub mod generator;
 pub mod loss;
 pub mod network;

@@ -20,6 +20,7 @@ use trainer::translation::method::{Setting, Step, approach};
 use trainer::translation::sampler::scans;
 use trainer::translation::table::{Table, evaluate};
 use trainer::translation::training::best_network;
+use trainer::translation::twins::Disguise;
 use trainer::translation::{Domain, Sampler, TranslationConfig, train};
 
 type Fact = Result<(), Box<dyn std::error::Error>>;
@@ -112,13 +113,13 @@ fn learned(method: &str, twins: f64, start: u64) -> Result<(f32, f32), Box<dyn s
         batch: config.schedule.batch,
         crop_columns: COLUMNS,
         augmentation: config.augmentation,
-        own_vehicle: vec![],
+        disguise: (twins > 0.0).then(Disguise::default),
     };
     let coding = setting.reporting.coding;
     for number in 0..STEPS {
         let pair = sampler.pair(number, &device);
         let [simulated, real] = [pair.simulated, pair.real].map(|scan| coding.view(&scan));
-        let twins = (config.losses.twins > 0.0).then(|| sampler.twins(number, coding, &device));
+        let twins = sampler.twins(number, coding, &device);
         learner.step(&Step { simulated, real, twins, seed: 1, number, rate: config.schedule.rate(number) });
     }
     let image = walls(1000);

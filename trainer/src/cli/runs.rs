@@ -11,7 +11,7 @@ use trainer::realness::Protocol;
 use trainer::segmentation::Segmentation;
 use trainer::train::{Run, supervised, train};
 use trainer::translation::TranslationConfig;
-use trainer::{export, translation};
+use trainer::{export, exported, translation};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {
@@ -53,6 +53,17 @@ pub(super) struct EvaluateArgs {
     /// Whose definitions of these metrics.
     #[arg(long, value_enum, default_value_t, requires = "segmentation")]
     protocol: Protocol,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ScoreArgs {
+    /// The model's file.
+    model: PathBuf,
+    /// Real scans of its sensor: a folder, or a file.
+    scans: PathBuf,
+    /// Columns of a grid of which each pixel holds a ray that was fired, so that an empty one is a ray that was lost; KITTI's has 1800.
+    #[arg(long)]
+    columns: Option<usize>,
 }
 
 #[derive(Debug, Args)]
@@ -110,6 +121,14 @@ impl EvaluateArgs {
                 }
             },
         }
+    }
+}
+
+impl ScoreArgs {
+    /// The model's scores.
+    pub(super) fn table(&self) -> Result<String> {
+        let score = || -> Result<_> { exported::score(&std::fs::read(&self.model)?, &self.scans, self.columns) };
+        Ok(score().with_context(|| format!("model {}", self.model.display()))?.to_table())
     }
 }
 

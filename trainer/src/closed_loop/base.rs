@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use lidar::Sensor;
-use proto::card::{Card, METADATA_KEY};
+use proto::card::Card;
 use sha2::{Digest, Sha256};
 
 use super::data::Pair;
@@ -12,6 +12,7 @@ use super::declared;
 use super::model::SensorModel;
 use super::network::Network;
 use crate::data::scans::hex;
+use crate::exported;
 use crate::sets::PairedSet;
 
 /// Largest difference of two descriptions of one ray, in radians: what two decimals of a degree leave open.
@@ -54,10 +55,7 @@ impl Base {
     }
 
     fn from_onnx(onnx: &[u8], sensor: &Sensor) -> Result<Self> {
-        let session = runtime::open(&runtime::environment()?, onnx, 1)?;
-        let card = session.metadata()?.custom(METADATA_KEY);
-        let card = card.with_context(|| format!("has no card: metadata property `{METADATA_KEY}` is missing"))?;
-        let card = Card::from_json(&card)?;
+        let card = exported::card(onnx)?;
         check_sensor(&card.sensor, sensor)?;
         let rings = sensor.rings().len();
         let (network, declared) = if card.effects.is_empty() {

@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::augment::Augmentation;
 use super::domain::Domain;
+use super::twins::Disguise;
 
 /// What chance decides in a step; each has random numbers of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,8 +73,8 @@ pub struct Sampler {
     pub crop_columns: usize,
     /// How scans are varied.
     pub augmentation: Augmentation,
-    /// Numbers of the pixels that the real scans' own vehicle hides, where that is told.
-    pub own_vehicle: Vec<usize>,
+    /// How real scans are made to look simulated; `None` where nothing is learned from that.
+    pub disguise: Option<Disguise>,
 }
 
 impl Sampler {
@@ -125,7 +126,7 @@ mod tests {
             batch: 3,
             crop_columns: 16,
             augmentation: Augmentation::default(),
-            own_vehicle: vec![],
+            disguise: None,
         }
     }
 

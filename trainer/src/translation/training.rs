@@ -16,6 +16,7 @@ use super::realness::Distance;
 use super::sampler::Sampler;
 use super::student::Supervised;
 use super::translator::Translator;
+use super::twins::Disguise;
 use crate::config::DataConfig;
 use crate::data;
 use crate::data::Source;
@@ -129,7 +130,10 @@ fn learner(
         image_numbers: IMAGE_CHANNELS * rings * schedule.crop_columns,
     };
     if let Some(method) = approach(config, setting, &device)? {
-        let own_vehicle = if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] };
+        let disguise = (losses.twins > 0.0).then(|| Disguise {
+            own_vehicle: if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] },
+            attenuation_per_m: config.attenuation_per_m.map(|rate_per_m| rate_per_m as f32),
+        });
         let sampler = Sampler {
             simulated: simulated(&real)?,
             real,
@@ -137,7 +141,7 @@ fn learner(
             batch: schedule.batch,
             crop_columns: schedule.crop_columns,
             augmentation: config.augmentation,
-            own_vehicle,
+            disguise,
         };
         return Ok(Box::new(Translating::new(config, (method, setting), (sampler, examiner), device)));
     }

@@ -3,6 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use lidar::RangeImage;
 use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 
 use super::sampler::{Chance, Sampler, scans};
 use super::view::{Coding, View};
@@ -19,16 +20,38 @@ pub struct Twins {
     pub keep_weight: Tensor<4>,
 }
 
+/// How real scans are made to look simulated.
+#[derive(Clone, Debug, Default)]
+pub struct Disguise {
+    /// Pixels that the sensor's own vehicle hides: of these nothing is asked.
+    pub own_vehicle: Vec<usize>,
+    /// The simulator's reflectance is e^(−a r), with this a in 1/m; `None`: whatever simulators may say.
+    pub attenuation_per_m: Option<f32>,
+}
+
+impl Disguise {
+    fn put_on(&self, real: &RangeImage, rng: &mut ChaCha8Rng) -> Sample {
+        let reflectance = match self.attenuation_per_m {
+            Some(rate_per_m) => SimulatedReflectance::Attenuation(rate_per_m),
+            None => SimulatedReflectance::random(rng),
+        };
+        Sample::new(real.clone(), true, reflectance, rng).without(&self.own_vehicle)
+    }
+}
+
 impl Sampler {
-    /// The twins of a step: cut-outs of real scans, as many as of each domain. Of what hides behind the sensor's own vehicle nothing is asked.
-    pub fn twins(&self, step: usize, coding: Coding, device: &Device) -> Twins {
+    /// The twins of a step: cut-outs of real scans, as many as of each domain; `None` where nothing is learned from them.
+    pub fn twins(&self, step: usize, coding: Coding, device: &Device) -> Option<Twins> {
+        let disguise = self.disguise.as_ref()?;
         let mut rng = Chance::Twins.of(self.seed, step);
         let samples: Vec<Sample> = (0..self.batch)
             .map(|_| {
                 let real = &self.real.images[rng.random_range(0..self.real.images.len())];
-                let reflectance = SimulatedReflectance::random(&mut rng);
-                let sample = Sample::new(real.clone(), true, reflectance, &mut rng).without(&self.own_vehicle);
-                sample.cut(rng.random_range(0..real.columns()), self.crop_columns, rng.random_bool(0.5))
+                disguise.put_on(real, &mut rng).cut(
+                    rng.random_range(0..real.columns()),
+                    self.crop_columns,
+                    rng.random_bool(0.5),
+                )
             })
             .collect();
         let view = |image: fn(&Sample) -> &RangeImage| {
@@ -38,12 +61,13 @@ impl Sampler {
         let (shown, measured) = (view(|sample| &sample.simulated), view(|sample| &sample.real));
         let keep_weight: Vec<f32> = samples.iter().flat_map(|sample| sample.keep_weight.iter().copied()).collect();
         let keep_weight = Tensor::from_data(TensorData::new(keep_weight, shown.returned.dims()), device);
-        Twins { shown, measured, keep_weight }
+        Some(Twins { shown, measured, keep_weight })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use anyhow::{Context, Result};
     use burn::tensor::s;
 
     use super::*;
@@ -63,6 +87,7 @@ mod tests {
             image.remove(*i);
         }
         let real = Domain { images: vec![image], datasets: vec![] };
+        let disguise = Disguise { own_vehicle, attenuation_per_m: Some(0.1) };
         let augmentation = Augmentation::default();
         Sampler {
             simulated: Domain::default(),
@@ -71,7 +96,7 @@ mod tests {
             batch: 3,
             crop_columns: COLUMNS,
             augmentation,
-            own_vehicle,
+            disguise: Some(disguise),
         }
     }
 
@@ -79,14 +104,14 @@ mod tests {
         x.clone().into_data().iter::<f32>().collect()
     }
 
-    fn twins(step: usize) -> Twins {
+    fn twins(step: usize) -> Result<Twins> {
         let range = RangeCoder { code: RangeCode::Logarithmic, limits_m: (0.9, 120.0) };
-        sampler().twins(step, Coding { range, unreported: Unreported::MinusOne }, &Device::flex())
+        sampler().twins(step, Coding { range, unreported: Unreported::MinusOne }, &Device::flex()).context("none")
     }
 
     #[test]
-    fn what_is_lost_is_shown_and_of_what_the_vehicle_hides_nothing_is_asked() {
-        let Twins { shown, measured, keep_weight } = twins(0);
+    fn what_is_lost_is_shown_and_of_what_the_vehicle_hides_nothing_is_asked() -> Result<()> {
+        let Twins { shown, measured, keep_weight } = twins(0)?;
         let rows = |x: &Tensor<4>, ring: usize| values(&x.clone().slice(s![.., .., ring..ring + 1, ..]));
         for ring in 0..3 {
             let lost = rows(&measured.returned, ring).into_iter().zip(rows(&shown.returned, ring));
@@ -98,11 +123,13 @@ mod tests {
             let seen = rows(channel, 3).iter().filter(|value| **value > 0.0).count();
             assert!(seen <= 3 * COLUMNS / 2, "{seen}");
         }
+        Ok(())
     }
 
     #[test]
-    fn a_steps_twins_depend_on_the_step_alone() {
-        assert_eq!(values(&twins(7).shown.image), values(&twins(7).shown.image));
-        assert_ne!(values(&twins(7).shown.image), values(&twins(8).shown.image));
+    fn a_steps_twins_depend_on_the_step_alone() -> Result<()> {
+        assert_eq!(values(&twins(7)?.shown.image), values(&twins(7)?.shown.image));
+        assert_ne!(values(&twins(7)?.shown.image), values(&twins(8)?.shown.image));
+        Ok(())
     }
 }
