@@ -84,7 +84,7 @@ fn it_learns_that_far_rays_are_lost_and_what_the_sensor_makes_of_reflectance() -
         );
     }
     assert_ne!(score(Some(200))?, of_file);
-    assert!(score(Some(4)).is_err_and(|e| e.to_string().contains("fewer than the model's multiple")));
+    assert!(score(Some(4)).is_err());
     assert!(exported::score(b"no model", root.path(), None).is_err());
     Ok(())
 }

@@ -3,17 +3,17 @@
 use std::path::Path;
 
 use anyhow::Result;
-use burn::tensor::{Device, Tensor, s};
+use burn::tensor::Device;
 use lidar::RangeImage;
 use likeness::{Draws, Score};
 
 use super::config::TranslationConfig;
 use super::domain::Domain;
 use super::realness::{self as quick, Distance};
+use super::twins::Disguise;
 use crate::data::sample::Sample;
-use crate::evaluate::{evaluate, made_simulated};
-use crate::generator::{Generator, answers};
-use crate::network::Measurement;
+use crate::evaluate::evaluate;
+use crate::generator::{Generator, PassThrough, answers};
 use crate::realness::{Judge, Protocol, Summary};
 use crate::segmentation::Segmentation;
 
@@ -45,8 +45,8 @@ impl<'s> Exam<'s> {
         let load = |list| Domain::load(data, list, &grid);
         let (learned, real) = (load(&config.real.train)?, load(&config.real.test)?.images);
         let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?.images;
-        let hidden = if config.own_vehicle { learned.own_vehicle(&grid.sensor) } else { vec![] };
-        let twins = made_simulated(&real).map(|sample| sample.without(&hidden)).collect();
+        let own_vehicle = if config.own_vehicle { learned.own_vehicle(&grid.sensor) } else { vec![] };
+        let twins = Disguise { own_vehicle, ..Disguise::default() }.put_on_all(&real);
         let judge = by.map(|(segmentation, protocol)| -> Result<_> {
             let judge = Judge {
                 sensor: grid.sensor.clone(),
@@ -138,16 +138,6 @@ impl<'s> Exam<'s> {
                 judge.score(&judge.sum_up(scans)?, real, judge.draws)?.into_iter().map(Distance::from).collect()
             }
         })
-    }
-}
-
-/// Answers a scan with itself.
-struct PassThrough;
-
-impl Generator for PassThrough {
-    fn measure(&self, scan: Tensor<4>) -> Measurement {
-        let channel = |i: usize| scan.clone().slice(s![.., i..i + 1, .., ..]);
-        Measurement { range_m: channel(0), reflectance: channel(1), keep: channel(0).greater_elem(0.0).float() }
     }
 }
 

@@ -92,9 +92,12 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     let real = load(&config.real.train)?;
     let simulated = |list: &[DataConfig], real: &Domain| Domain::simulated(config, &run.data, list, real);
     let validate = simulated(&config.simulated.validate, &real)?;
-    let examiner = match config.method {
-        Method::Distil => Examiner::of_imitation(validate, &teacher(config)?),
-        _ => Examiner::new(validate, load(&config.real.validate)?),
+    let examiner = if config.method == Method::Distil {
+        Examiner::of_imitation(validate, &teacher(config)?)
+    } else {
+        let unseen = load(&config.real.validate)?;
+        let twins = disguise(config, &grid, &real).map(|disguise| disguise.put_on_all(&unseen.images));
+        Examiner::new(validate, unseen).with_twins(twins.unwrap_or_default())
     };
     let learn_from = |real: &Domain| simulated(&config.simulated.train, real);
     let mut learner = learner(config, &grid, (learn_from, real), examiner)?;
@@ -130,10 +133,7 @@ fn learner(
         image_numbers: IMAGE_CHANNELS * rings * schedule.crop_columns,
     };
     if let Some(method) = approach(config, setting, &device)? {
-        let disguise = (losses.twins > 0.0).then(|| Disguise {
-            own_vehicle: if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] },
-            attenuation_per_m: config.attenuation_per_m.map(|rate_per_m| rate_per_m as f32),
-        });
+        let disguise = disguise(config, grid, &real);
         let sampler = Sampler {
             simulated: simulated(&real)?,
             real,
@@ -150,6 +150,14 @@ fn learner(
     let sampler = data::Sampler::new(vec![source], config.seed, schedule.batch, schedule.crop_columns);
     let weights = Weights { reflectance: losses.reflectance, range: losses.range };
     Ok(Box::new(Supervised { student: Student { network, sampler, device }, examiner, weights, schedule }))
+}
+
+/// How a config's real scans are made to look simulated, if it learns from that.
+fn disguise(config: &TranslationConfig, grid: &Grid, real: &Domain) -> Option<Disguise> {
+    (config.losses.twins > 0.0).then(|| Disguise {
+        own_vehicle: if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] },
+        attenuation_per_m: config.attenuation_per_m.map(|rate_per_m| rate_per_m as f32),
+    })
 }
 
 /// The best network of a finished or unfinished run.

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::sampler::{Chance, Sampler, scans};
 use super::view::{Coding, View};
 use crate::data::sample::{Sample, SimulatedReflectance};
+use crate::evaluate::made_simulated;
 
 /// A batch of them.
 #[derive(Clone, Debug)]
@@ -30,6 +31,11 @@ pub struct Disguise {
 }
 
 impl Disguise {
+    /// Whole scans to be scored on, with CARLA's reflectance.
+    pub fn put_on_all(&self, real: &[RangeImage]) -> Vec<Sample> {
+        made_simulated(real).map(|sample| sample.without(&self.own_vehicle)).collect()
+    }
+
     fn put_on(&self, real: &RangeImage, rng: &mut ChaCha8Rng) -> Sample {
         let reflectance = match self.attenuation_per_m {
             Some(rate_per_m) => SimulatedReflectance::Attenuation(rate_per_m),
