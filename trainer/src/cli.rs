@@ -87,6 +87,9 @@ struct SimulateArgs {
     /// Speed ahead, in m/s: each column is cast from where the sensor is then.
     #[arg(long, default_value_t = 0.0)]
     speed_m_s: f32,
+    /// Reflectance e^(−a r) with this a, in 1/m, whatever a ray hits, instead of the surfaces': 0.004 is CARLA's default.
+    #[arg(long)]
+    attenuation_per_m: Option<f32>,
     /// File of one scan (any format, by its extension), or folder of several.
     out: PathBuf,
 }
@@ -130,6 +133,7 @@ impl Cli {
                     mesh: args.mesh,
                     pose,
                     motion,
+                    attenuation_per_m: args.attenuation_per_m,
                 };
                 for path in simulate(&simulation, &args.out)? {
                     println!("{}", path.display());

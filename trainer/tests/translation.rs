@@ -439,7 +439,9 @@ fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
         assert_eq!(paper.generator.condition, small.generator.condition, "{name}");
         assert!(small.schedule.steps < paper.schedule.steps, "{name}");
     }
-    TranslationConfig::read(&folder.join("small/hdl64e-cls2r.toml"))?;
+    for name in ["hdl64e-carla", "hdl64e-cls2r"] {
+        TranslationConfig::read(&folder.join("small").join(name).with_extension("toml"))?;
+    }
     for name in ["table", "table-carla"] {
         Table::read(&folder.join("small").join(name).with_extension("toml"))?;
     }
