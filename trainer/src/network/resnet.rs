@@ -3,6 +3,8 @@
 //! Park et al., "Contrastive learning for unpaired image-to-image translation" (2020); Haghighi et al., "Contrastive learning-based
 //! framework for sim-to-real mapping of lidar point clouds in autonomous driving systems" (2023).
 
+use std::ops::Range;
+
 use burn::module::{Module, Param};
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, s};
@@ -103,6 +105,15 @@ pub struct Generated {
     pub image: Tensor<4>,
     /// Logit of the probability that the ray is reported, `[batch, 1, ring, column]`.
     pub keep_logit: Tensor<4>,
+}
+
+impl Generated {
+    /// What was made of these scans of a batch.
+    #[must_use]
+    pub fn scans(&self, numbers: Range<usize>) -> Self {
+        let of = |x: &Tensor<4>| x.clone().slice(s![numbers.clone()]);
+        Self { image: of(&self.image), keep_logit: of(&self.keep_logit) }
+    }
 }
 
 impl ResnetConfig {

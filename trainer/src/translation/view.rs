@@ -50,6 +50,19 @@ pub struct View {
     pub returned: Tensor<4>,
 }
 
+impl View {
+    /// These scans, and after them others, in one batch.
+    #[must_use]
+    pub fn beside(&self, other: &Self) -> Self {
+        let both = |a: &Tensor<4>, b: &Tensor<4>| Tensor::cat(vec![a.clone(), b.clone()], 0);
+        Self {
+            image: both(&self.image, &other.image),
+            condition: both(&self.condition, &other.condition),
+            returned: both(&self.returned, &other.returned),
+        }
+    }
+}
+
 impl Coding {
     /// A scan as networks see it; `scan` is `[batch, 3, ring, column]`: range in m, reflectance 0–1, class.
     pub fn view(&self, scan: &Tensor<4>) -> View {

@@ -3,14 +3,13 @@
 
 use anyhow::Result;
 use burn::module::Module;
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor, s};
 
-use super::{Approach, Miss, Setting, Step, Target, value};
+use super::{Approach, Miss, Setting, Step, value};
 use crate::network::{PatchGan, PatchHeads, Places, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
 use crate::translation::sampler::Chance;
-use crate::translation::twins::Twins;
 use crate::translation::view::View;
 
 /// Generator, discriminator, and the heads that describe patches.
@@ -40,12 +39,15 @@ impl Approach for Cls2r {
     fn step(&mut self, step: &Step) -> Losses {
         let Setting { reporting, losses, .. } = self.setting;
         let generator = &self.generator.network;
-        let answer = |view: &View, number: u8| {
-            let (generated, features) = generator.forward_with_features(view.image.clone(), &view.condition);
-            (reporting.answer(generated, view.returned.clone(), step.uniform(number)), features)
-        };
-        let (answered, asked) = answer(&step.simulated, 0);
-        let (same, real) = answer(&step.real, 1);
+        // In one batch with twins, for batch norms to see both alike: the network goes out with the statistics of simulated scans.
+        let shown = step.twins.as_ref().map_or(step.simulated.clone(), |twins| step.simulated.beside(&twins.shown));
+        let scans = step.simulated.image.dims()[0];
+        let (generated, asked) = generator.forward_with_features(shown.image, &shown.condition);
+        let miss = step.twins.as_ref().map(|twins| Miss::of_twins(generated.scans(scans..2 * scans), twins));
+        let answered = reporting.answer(generated.scans(0..scans), step.simulated.returned.clone(), step.uniform(0));
+        let asked: Vec<Tensor<4>> = asked.into_iter().map(|features| features.slice(s![0..scans])).collect();
+        let (generated, real) = generator.forward_with_features(step.real.image.clone(), &step.real.condition);
+        let same = reporting.answer(generated, step.real.returned.clone(), step.uniform(1));
 
         let judge = &self.discriminator.network;
         let judged = (judge.forward(step.real.image.clone()), judge.forward(answered.image.clone().detach()));
@@ -72,17 +74,7 @@ impl Approach for Cls2r {
             ("contrast", value(&contrast_simulated)),
             ("contrast_identity", value(&contrast_real)),
         ];
-        if let Some(Twins { shown, measured, keep_weight }) = &step.twins {
-            let said = generator.forward(shown.image.clone(), &shown.condition);
-            let miss = Miss::new(
-                said,
-                Target {
-                    image: measured.image.clone(),
-                    measured: measured.returned.clone() * shown.returned.clone(),
-                    keep: measured.returned.clone(),
-                    keep_weight: keep_weight.clone(),
-                },
-            );
+        if let Some(miss) = miss {
             let twins = miss.total(&losses);
             values.push(("twins", value(&twins)));
             total = total + twins * losses.twins;

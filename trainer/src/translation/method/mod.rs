@@ -115,6 +115,17 @@ impl Miss {
         Self { keep, range: channel(0), reflectance: channel(1) }
     }
 
+    /// How far what a generator said of twins is from what was measured.
+    fn of_twins(said: Generated, Twins { shown, measured, keep_weight }: &Twins) -> Self {
+        let target = Target {
+            image: measured.image.clone(),
+            measured: measured.returned.clone() * shown.returned.clone(),
+            keep: measured.returned.clone(),
+            keep_weight: keep_weight.clone(),
+        };
+        Self::new(said, target)
+    }
+
     /// All of it, each as heavy as the config says.
     fn total(self, losses: &Losses) -> Tensor<1> {
         self.keep + self.range * losses.range + self.reflectance * losses.reflectance
