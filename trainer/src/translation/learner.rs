@@ -73,8 +73,12 @@ impl Translating {
         if self.generator.norm != NormKind::Batch {
             return self.average.clone();
         }
-        let simulated = |number| self.reporting.coding.view(&self.sampler.pair(number, &self.device).simulated);
-        settled(&self.average, (0..SETTLING).map(simulated))
+        // What its norms saw at once in training, without real scans and answers.
+        let shown = |number| {
+            let Step { simulated, twins, .. } = self.step(number);
+            twins.map_or(simulated.clone(), |twins| simulated.beside(&twins.shown))
+        };
+        settled(&self.average, (0..SETTLING).map(shown))
     }
 
     fn translator(&self) -> Translator {
