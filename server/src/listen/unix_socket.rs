@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 use tokio::net::{UnixListener, UnixStream};
 
+use super::listener::BACKLOG;
+
 /// A socket and its file.
 #[derive(Debug)]
 pub(crate) struct UnixSocket {
@@ -32,7 +34,9 @@ impl UnixSocket {
         let room = Room::beside(path)?;
         require_nobody(path).await?;
         let inside = room.socket();
-        let listener = UnixListener::bind(&inside)?;
+        let socket = tokio::net::UnixSocket::new_stream()?;
+        socket.bind(&inside)?;
+        let listener = socket.listen(BACKLOG)?;
         fs::set_permissions(&inside, Permissions::from_mode(mode))?;
         let file = SocketFile { path: path.into(), id: id(&fs::symlink_metadata(&inside)?) };
         fs::rename(&inside, path)?;
