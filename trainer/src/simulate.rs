@@ -31,6 +31,9 @@ pub struct Simulation {
 /// Casts the scans and writes them: to `out` itself if it is one scan, else to `out/000000.ply`, ….
 pub fn simulate(simulation: &Simulation, out: &Path) -> Result<Vec<PathBuf>> {
     ensure!(simulation.count > 0, "count is 0");
+    if let Some(rate_per_m) = simulation.attenuation_per_m {
+        ensure!((0.0..=1.0).contains(&rate_per_m), "attenuation_per_m is {rate_per_m}, expected 0 to 1");
+    }
     let config: StreetConfig = match &simulation.street {
         Some(path) => {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -100,6 +103,7 @@ mod tests {
         let (surfaces, attenuated) = (scan("surfaces.ply", None)?, scan("attenuated.ply", Some(0.01))?);
         assert_eq!((&surfaces.x, &surfaces.label), (&attenuated.x, &attenuated.label));
         assert_ne!(surfaces.intensity, attenuated.intensity);
+        assert!(scan("none.ply", Some(-0.01)).is_err_and(|e| e.to_string().contains("attenuation_per_m is -0.01")));
         for i in 0..attenuated.len() {
             let expected = (-0.01 * attenuated.range_m(i)).exp();
             assert!((attenuated.intensity[i] / attenuated.full_scale - expected).abs() < 1e-6);

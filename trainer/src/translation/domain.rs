@@ -78,6 +78,12 @@ impl Domain {
         if self.images.len() < OWN_VEHICLE_SCANS { vec![] } else { (0..sensor.pixels()).filter(lost).collect() }
     }
 
+    /// What of a config's simulated scans has to be left out to compare them with these real ones: the pixels that the vehicle hides, where
+    /// the config asks for it.
+    pub fn hidden(&self, config: &TranslationConfig, sensor: &Sensor) -> Vec<usize> {
+        if config.own_vehicle { self.own_vehicle(sensor) } else { vec![] }
+    }
+
     /// The same scans without the returns of these pixels.
     #[must_use]
     pub fn without(mut self, pixels: &[usize]) -> Self {
@@ -108,7 +114,7 @@ impl Domain {
         if let Some(rate_per_m) = config.attenuation_per_m {
             domain = domain.attenuated(rate_per_m as f32);
         }
-        Ok(if config.own_vehicle { domain.without(&real.own_vehicle(&grid.sensor)) } else { domain })
+        Ok(domain.without(&real.hidden(config, &grid.sensor)))
     }
 }
 

@@ -45,7 +45,7 @@ impl<'s> Exam<'s> {
         let load = |list| Domain::load(data, list, &grid);
         let (learned, real) = (load(&config.real.train)?, load(&config.real.test)?.images);
         let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?.images;
-        let own_vehicle = if config.own_vehicle { learned.own_vehicle(&grid.sensor) } else { vec![] };
+        let own_vehicle = learned.hidden(config, &grid.sensor);
         let twins = Disguise { own_vehicle, ..Disguise::default() }.put_on_all(&real);
         let judge = by.map(|(segmentation, protocol)| -> Result<_> {
             let judge = Judge {

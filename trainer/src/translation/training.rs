@@ -155,7 +155,7 @@ fn learner(
 /// How a config's real scans are made to look simulated, if it learns from that.
 fn disguise(config: &TranslationConfig, grid: &Grid, real: &Domain) -> Option<Disguise> {
     (config.losses.twins > 0.0).then(|| Disguise {
-        own_vehicle: if config.own_vehicle { real.own_vehicle(&grid.sensor) } else { vec![] },
+        own_vehicle: real.hidden(config, &grid.sensor),
         attenuation_per_m: config.attenuation_per_m.map(|rate_per_m| rate_per_m as f32),
     })
 }
