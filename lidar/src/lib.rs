@@ -11,6 +11,7 @@ pub mod range_image;
 pub mod ray_drop;
 mod rings;
 pub mod sensor;
+mod whole;
 
 pub use cloud::PointCloud;
 pub use projection::{EmptyRays, Measured, Projection, Projector};

@@ -24,6 +24,10 @@ pub const NO_PIXEL: u32 = u32::MAX;
 /// A cloud may have at most this share of points that are NaN, infinite or at the origin before it is refused.
 pub const MAX_INVALID_SHARE: f64 = 0.5;
 
+/// Unused places after each ring's in the table of winners. Rings one power of two apart would share one set of the processor's cache,
+/// and a cloud that lists firing after firing visits all of them with each.
+const GAP: usize = 16;
+
 /// Columns that are painted together.
 const TILE: usize = 64;
 
@@ -185,8 +189,8 @@ impl Projector {
         }
         out.pixel_of_point.resize(points, NO_PIXEL);
         self.grid.pixels(cloud, &self.polar, &self.row_of_point, &mut out.pixel_of_point);
-        let (placed, lost) = out.let_the_nearest_win(cloud, &self.polar.range_m, self.sensor.pixels());
         let size = (self.sensor.rings().len(), self.sensor.columns());
+        let (placed, lost) = out.let_the_nearest_win(cloud, &self.polar.range_m, &self.row_of_point, size);
         report.rings_seen = out.paint(cloud, &self.polar.range_m, size, &self.classes);
         report.projected = placed - lost;
         report.lost = lost;
@@ -205,13 +209,21 @@ impl Projector {
 
 impl Projection {
     /// Gives each pixel to its nearest point and takes it from the others. Returns how many points had a pixel, and how many lost it.
-    fn let_the_nearest_win(&mut self, cloud: &PointCloud, range_m: &[f32], pixels: usize) -> (usize, usize) {
+    fn let_the_nearest_win(
+        &mut self,
+        cloud: &PointCloud,
+        range_m: &[f32],
+        rows: &[u16],
+        (rings, columns): (usize, usize),
+    ) -> (usize, usize) {
         self.selected.clear();
-        self.selected.resize(pixels, NO_PIXEL);
+        self.selected.resize(rings * (columns + GAP), NO_PIXEL);
         let (mut placed, mut lost) = (0, 0);
-        for i in 0..self.pixel_of_point.len() {
-            let pixel = self.pixel_of_point[i];
-            let Some(winner) = self.selected.get_mut(pixel as usize) else { continue };
+        let (pixel_of_point, selected) = (self.pixel_of_point.as_mut_slice(), self.selected.as_mut_slice());
+        let rows = &rows[..pixel_of_point.len()];
+        for i in 0..pixel_of_point.len() {
+            let place = pixel_of_point[i] as usize + GAP * usize::from(rows[i]);
+            let Some(winner) = selected.get_mut(place) else { continue };
             placed += 1;
             if *winner == NO_PIXEL {
                 *winner = i as u32;
@@ -223,7 +235,7 @@ impl Projection {
                 loser = *winner as usize;
                 *winner = i as u32;
             }
-            self.pixel_of_point[loser] = NO_PIXEL;
+            pixel_of_point[loser] = NO_PIXEL;
         }
         (placed, lost)
     }
@@ -239,23 +251,26 @@ impl Projection {
         self.image.clear(rings, columns);
         let to_reflectance = 1.0 / cloud.full_scale;
         let points = cloud.len();
+        let (range_m, intensity) = (&range_m[..points], &cloud.intensity[..points]);
+        let label = cloud.label.as_ref().map(|label| &label[..points]);
         // Tile by tile, since the points of a few columns lie together in memory whether the cloud lists ring after ring or firing
         // after firing.
         for first in (0..columns).step_by(TILE) {
             for row in 0..rings {
                 let pixels = row * columns + first..row * columns + (first + TILE).min(columns);
+                let winners = pixels.start + GAP * row..pixels.end + GAP * row;
                 let image = self.image.range_m[pixels.clone()]
                     .iter_mut()
                     .zip(&mut self.image.reflectance[pixels.clone()])
                     .zip(&mut self.image.class[pixels.clone()]);
-                for (&winner, ((range, reflectance), class)) in self.selected[pixels].iter().zip(image) {
+                for (&winner, ((range, reflectance), class)) in self.selected[winners].iter().zip(image) {
                     let i = winner as usize;
                     if i < points {
                         *range = range_m[i];
-                        let value = cloud.intensity[i] * to_reflectance;
+                        let value = intensity[i] * to_reflectance;
                         let value = if value > 0.0 { value } else { 0.0 };
                         *reflectance = if value < 1.0 { value } else { 1.0 };
-                        if let Some(label) = &cloud.label {
+                        if let Some(label) = label {
                             *class = classes.get((label[i] & 0xffff) as usize).copied().unwrap_or(0);
                         }
                     }
@@ -263,7 +278,7 @@ impl Projection {
             }
         }
         let seen = |row: &&[u32]| row.iter().any(|winner| *winner != NO_PIXEL);
-        self.selected.chunks(columns).filter(seen).count()
+        self.selected.chunks(columns + GAP).filter(seen).count()
     }
 
     /// The cloud as the sensor measured it: every point that won a pixel whose ray is kept, in the cloud's order and with all its

@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::cloud::PointCloud;
 use crate::projection::{Polar, ProjectionError};
 use crate::sensor::Sensor;
+use crate::whole::whole_part;
 
 pub(crate) use order::{BACK_TURNS, number_rings};
 
@@ -169,7 +170,7 @@ impl Rings {
                 for (((row, &x), &y), &z) in rows.iter_mut().zip(&cloud.x).zip(&cloud.y).zip(&cloud.z) {
                     let slot = (pivot.tangent(x, y, z) - tan_min) * slots_per_unit;
                     let inside = slot >= 0.0 && slot < SLOTS as f32;
-                    *row = if inside { slot as i32 as u16 } else { SLOTS as u16 };
+                    *row = if inside { whole_part(slot) as u16 } else { SLOTS as u16 };
                 }
             },
         );

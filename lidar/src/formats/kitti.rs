@@ -35,11 +35,9 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<PointCloud, Format
 pub(super) fn encode(cloud: &PointCloud) -> Vec<u8> {
     let intensity = scaled_intensity(cloud, 1.0);
     let points = cloud.x.iter().zip(&cloud.y).zip(&cloud.z).zip(intensity.iter());
-    let mut records = vec![0; cloud.len() * POINT_BYTES];
-    for (record, (((x, y), z), intensity)) in records.chunks_exact_mut(POINT_BYTES).zip(points) {
-        record.copy_from_slice([x, y, z, intensity].map(|value| value.to_le_bytes()).as_flattened());
-    }
-    records
+    let records: Vec<[[u8; 4]; 4]> =
+        points.map(|(((x, y), z), intensity)| [x, y, z, intensity].map(|value| value.to_le_bytes())).collect();
+    records.into_flattened().into_flattened()
 }
 
 /// The cloud's intensities with `full_scale` for a reflectance of 1; untouched where that is their scale already.

@@ -39,18 +39,19 @@ impl Polar {
 
     /// Counts the points that are none, and those nearer or farther than `limits_m`.
     pub(super) fn count(&self, cloud: &PointCloud, limits_m: (f32, f32)) -> Report {
-        let (mut zero_range, mut beyond, mut infinite) = (0u32, 0u32, 0u32);
-        Arch::new().dispatch(
+        let (zero_range, beyond, infinite) = Arch::new().dispatch(
             #[inline(always)]
             || {
                 // There are fewer points than 2³²; a checked addition would keep the loop from being vectorised.
+                let (mut zero_range, mut beyond, mut infinite) = (0u32, 0u32, 0u32);
                 for &range in &self.range_m {
                     let (zero, finite) = (range == 0.0, range < f32::INFINITY);
+                    let outside = finite && !zero && (range < limits_m.0 || range > limits_m.1);
                     zero_range = zero_range.wrapping_add(u32::from(zero));
                     infinite = infinite.wrapping_add(u32::from(!finite));
-                    let outside = finite && !zero && (range < limits_m.0 || range > limits_m.1);
                     beyond = beyond.wrapping_add(u32::from(outside));
                 }
+                (zero_range, beyond, infinite)
             },
         );
         // A point too far away for its range to be a number, though its coordinates are, is beyond the limits.
