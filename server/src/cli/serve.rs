@@ -77,9 +77,10 @@ pub(super) struct Serve {
     /// Threads within an operator, for each worker [default: all cores].
     #[arg(long, env = "REALBEAM_THREADS", value_parser = positive)]
     threads: Option<usize>,
-    /// Those threads spin while they wait for work: faster where nothing else runs on this machine, much slower where something does.
-    #[arg(long, env = "REALBEAM_SPIN", value_parser = clap::builder::BoolishValueParser::new())]
-    spin: bool,
+    /// Microseconds for which those threads spin while they wait for work in the middle of a run, before they sleep: more is faster where
+    /// nothing else runs on this machine, slower where something does.
+    #[arg(long, env = "REALBEAM_SPIN", value_name = "MICROSECONDS", default_value = "200", value_parser = microseconds)]
+    spin: Duration,
     /// Scans of a model that a worker may take at once, to run them as one batch; answers are the same bytes. More scans a second where
     /// threads are many, and each waits for all of its batch.
     #[arg(long, env = "REALBEAM_BATCH", default_value_t = WorkerOptions::default().batch, value_parser = positive)]
@@ -245,6 +246,11 @@ fn poll_seconds(text: &str) -> Result<Duration, String> {
     seconds(text).and_then(|time| if time.is_zero() { Err("expected more than 0 seconds".into()) } else { Ok(time) })
 }
 
+fn microseconds(text: &str) -> Result<Duration, String> {
+    let number = text.parse().ok().filter(|number| *number <= 1_000_000);
+    number.map(Duration::from_micros).ok_or_else(|| "expected a whole number up to 1000000".into())
+}
+
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     seconds.ok_or_else(|| "expected a number of seconds".into())
@@ -272,11 +278,14 @@ mod tests {
     }
 
     #[test]
-    fn threads_spin_only_where_somebody_says_so() -> anyhow::Result<()> {
+    fn threads_spin_for_as_long_as_is_said() -> anyhow::Result<()> {
         let threads =
             |arguments: &[&str]| anyhow::Ok(Alone::parse_from(arguments).serve.into_config()?.workers.threads);
-        assert_eq!(threads(&["serve", "--threads=3"])?, Threads { number: 3, spin: false });
-        assert_eq!(threads(&["serve", "--threads=3", "--spin"])?, Threads { number: 3, spin: true });
+        assert_eq!(threads(&["serve", "--threads=3"])?, 3.into());
+        let spin = Duration::from_micros(50);
+        assert_eq!(threads(&["serve", "--threads=3", "--spin=50"])?, Threads { number: 3, spin });
+        assert_eq!(threads(&["serve", "--threads=3", "--spin=0"])?, Threads { number: 3, spin: Duration::ZERO });
+        assert!(Alone::try_parse_from(["serve", "--spin=2000000"]).is_err());
         Ok(())
     }
 
