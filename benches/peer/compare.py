@@ -1,4 +1,5 @@
-"""Realbeam's service and the one in peer.py, asked in turns for the same scan in one run.
+"""Realbeam's service and the one in peer.py, asked in turns for the same scan in one run, ten scans at
+a time, ten a second.
 
     scripts/bench_peer.sh SCAN.bin [REQUESTS]
 
@@ -33,7 +34,6 @@ class Client:
 
     def ask(self, seed):
         """The time of the whole answer, of the model's own run, and the answer's length."""
-        # The other one's threads may still spin.
         time.sleep(0.05)
         started = time.perf_counter()
         self.socket.sendall(
@@ -77,12 +77,12 @@ clients = {"realbeam-server": Client(ours), "FastAPI, numpy": Client(peer)}
 process, port = start_bytes_alone(clients["realbeam-server"].ask(0)[2])
 clients["the bytes alone"] = Client(port)
 times = {name: [] for name in clients}
-for seed in range(requests + 5):
+for first in range(0, requests, 10):
     for name, client in clients.items():
-        found = client.ask(seed)
-        # The first ones warm up.
-        if seed >= 5:
-            times[name].append(found[:2])
+        # The other one's threads may spin for half a second.
+        time.sleep(1)
+        # The first two warm up.
+        times[name] += [client.ask(seed)[:2] for seed in range(first, first + 12)][2:]
 process.kill()
 print("| | whole answer, ms | model's own run, ms | everything else, ms |\n|---|---|---|---|")
 beyond = []
