@@ -1,5 +1,5 @@
 """Realbeam's service and the one in peer.py, asked in turns for the same scan in one run, ten scans at
-a time, ten a second.
+a time, each 50 ms after the answer before.
 
     scripts/bench_peer.sh SCAN.bin [REQUESTS]
 

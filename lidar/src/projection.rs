@@ -222,6 +222,7 @@ impl Projection {
         let (pixel_of_point, selected) = (self.pixel_of_point.as_mut_slice(), self.selected.as_mut_slice());
         let rows = &rows[..pixel_of_point.len()];
         for i in 0..pixel_of_point.len() {
+            // Without a pixel there is no place either: NO_PIXEL lies beyond them all.
             let place = pixel_of_point[i] as usize + GAP * usize::from(rows[i]);
             let Some(winner) = selected.get_mut(place) else { continue };
             placed += 1;

@@ -38,11 +38,11 @@ pub struct Threads {
 
 /// Long enough for most of the gaps between two operators.
 ///
-/// A thread that was woken from sleep begins on the core that woke it, and two threads share one core until the system has noticed; that
-/// is every operator's first half millisecond for threads that do not spin, and worse the longer the process has slept. Threads that
-/// spin longer take the core from others. U-Net at 64 × 2048, two cores, median of a run in ms:
+/// A thread that was woken from sleep may begin on the core that woke it, and two threads share one core until the system has noticed: the
+/// more so the longer the process has slept. Threads that spin longer take the core from others. U-Net at 64 × 2048, two cores, median of
+/// a run in ms, by how long after the answer before the next scan comes:
 ///
-/// | spin | ten scans a second | five | ten, another program on one core |
+/// | spin | 0.1 s | 0.2 s | 0.1 s, another program on one core |
 /// |---|---|---|---|
 /// | 0 | 28 | 43 | 47 |
 /// | 200 µs | 26 | 29 | 53 |
