@@ -13,7 +13,7 @@ use trainer::translation::sampler::scans;
 use trainer::translation::twins::Disguise;
 use trainer::translation::{Domain, Sampler};
 
-/// After so many steps, methods are judged.
+/// After so many steps, games are judged.
 const STEPS: usize = 160;
 
 /// How probable it is, on average, that rays nearer and farther than [`FAR_M`] are reported.
@@ -27,7 +27,7 @@ fn keeps(answer: &[f32], image: &RangeImage) -> (f32, f32) {
 }
 
 /// The probabilities after so many steps, from random weights of a start's own, twins weighing so much.
-fn learned(method: &str, twins: f64, start: u64) -> Result<(f32, f32), Box<dyn std::error::Error>> {
+fn learned(method: &str, twins: f64, start: u64, steps: usize) -> Result<(f32, f32), Box<dyn std::error::Error>> {
     /// The device's random numbers are everybody's.
     static STARTS: Mutex<()> = Mutex::new(());
     let mut config = config(method, "")?;
@@ -52,10 +52,10 @@ fn learned(method: &str, twins: f64, start: u64) -> Result<(f32, f32), Box<dyn s
         batch: config.schedule.batch,
         crop_columns: COLUMNS,
         augmentation: config.augmentation,
-        disguise: (twins > 0.0).then(Disguise::default),
+        disguise: config.has_twins().then(Disguise::default),
     };
     let coding = setting.reporting.coding;
-    for number in 0..STEPS {
+    for number in 0..steps {
         let pair = sampler.pair(number, &device);
         let [simulated, real] = [pair.simulated, pair.real].map(|scan| coding.view(&scan));
         let twins = sampler.twins(number, coding, &device);
@@ -73,7 +73,7 @@ fn learned(method: &str, twins: f64, start: u64) -> Result<(f32, f32), Box<dyn s
 fn learns_which_rays_are_lost(method: &str) -> Fact {
     let mut kept = vec![];
     for start in 1..=5 {
-        let (near, far) = learned(method, 0.0, start)?;
+        let (near, far) = learned(method, 0.0, start, STEPS)?;
         if near > 0.8 && far < 0.7 {
             return Ok(());
         }
@@ -87,15 +87,17 @@ fn cls2r_learns_which_rays_are_lost() -> Fact {
     learns_which_rays_are_lost("cls2r")
 }
 
-/// What no game between two networks promises: the probability itself, from any start.
+/// What no game between two networks promises: the probability itself, from any start; with a game beside it, and without one.
 #[test]
 fn twins_say_how_many_rays_are_lost() -> Fact {
-    for start in 1..=2 {
-        let (near, far) = learned("cls2r", 1.0, start)?;
-        assert!(
-            near > 0.9 && (0.25..0.6).contains(&far),
-            "start {start}: near and far rays are kept with {near}, {far}"
-        );
+    for (method, twins, steps) in [("cls2r", 1.0, STEPS), ("paired", 0.0, 3 * STEPS)] {
+        for start in 1..=2 {
+            let (near, far) = learned(method, twins, start, steps)?;
+            assert!(
+                near > 0.9 && (0.25..0.6).contains(&far),
+                "{method}, start {start}: near and far rays are kept with {near}, {far}"
+            );
+        }
     }
     Ok(())
 }

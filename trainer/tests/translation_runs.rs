@@ -141,9 +141,42 @@ fn a_student_has_a_teacher_and_its_licence() -> Fact {
     assert!(refusal(&student).contains("name the run to learn from"));
     let freed = TranslationConfig { licence: "CC0-1.0".into(), ..student }.with_teacher(Some(run("teacher").out))?;
     assert!(refusal(&freed).contains("licence MIT"), "a student is its teacher's by licence");
-    assert!(
-        taught.with_teacher(Some(run("teacher").out)).is_err_and(|e| e.to_string().contains("only the method distil"))
-    );
+    let unet = config("unet", "")?.with_teacher(Some(run("teacher").out));
+    assert!(unet.is_err_and(|e| e.to_string().contains("a U-Net learns from no other run")));
+    Ok(())
+}
+
+#[test]
+fn whoever_has_a_teacher_and_a_game_begins_with_its_weights() -> Fact {
+    let root = tempfile::tempdir()?;
+    write_domains(root.path())?;
+    let run = |name: &str| Run { out: root.path().join(name), ..run(root.path()) };
+    let pretrained = config("paired", "steps = 3\ncheckpoint_every = 3\nsamples_every = 0")?;
+    train(&pretrained, &run("pretrained"))?;
+    let answer = |config: &TranslationConfig, name: &str| -> Result<Vec<f32>, Box<dyn std::error::Error>> {
+        let answer = Answer::new(&best_network(config, &run(name).out)?, &walls(7), &Device::flex());
+        Ok([answer.range_m, answer.reflectance, answer.keep].concat())
+    };
+    let expected = answer(&pretrained, "pretrained")?;
+    for method in ["cls2r", "cyclegan", "gcgan", "paired"] {
+        let mut config = config(method, "steps = 1\ncheckpoint_every = 1\nsamples_every = 0")?;
+        // So small a step leaves the network as it was.
+        config.schedule.learning_rate = 1e-12;
+        train(&config, &run(&format!("{method}-alone")))?;
+        let begun = config.clone().with_teacher(Some(run("pretrained").out))?;
+        train(&begun, &run(method))?;
+        let error = |name: &str| -> Result<f32, Box<dyn std::error::Error>> {
+            Ok(answer(&config, name)?.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max))
+        };
+        assert!(error(method)? < 1e-3, "{method}: {}", error(method)?);
+        assert!(error(&format!("{method}-alone"))? > 0.1, "{method}");
+
+        let mut wider = begun;
+        wider.generator.width = 16;
+        let refusal = train(&wider, &run("refused")).map_or_else(|e| format!("{e:#}"), |_| String::new());
+        assert!(refusal.contains("takes the same network"), "{method}: {refusal}");
+        std::fs::remove_dir_all(run("refused").out)?;
+    }
     Ok(())
 }
 

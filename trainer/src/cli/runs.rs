@@ -32,7 +32,7 @@ pub(super) struct TrainArgs {
     /// What computes the steps, in the place of what the config says.
     #[arg(long, value_enum)]
     backend: Option<Backend>,
-    /// Run that a distilled network learns from, in the place of the config's.
+    /// Run that is learned from, in the place of the config's: a distilled network answers as its network does, others begin with its weights.
     #[arg(long)]
     teacher: Option<PathBuf>,
     /// Seed, in the place of the config's.

@@ -30,6 +30,8 @@ pub enum Method {
     GcGan,
     /// The answer should be that of another run's network: Hinton et al., "Distilling the knowledge in a neural network" (2015).
     Distil,
+    /// Real scans made to look simulated should become themselves again: what CLS2R with `losses.twins` learns besides its game.
+    Paired,
     /// Learned from real scans alone, made to look simulated: Vacek et al., "Learning to predict lidar intensities" (2021).
     UNet,
 }
@@ -49,7 +51,7 @@ pub struct TranslationConfig {
     pub notes: String,
     /// How it is learned.
     pub method: Method,
-    /// `distil`: the folder of the run that is learned from.
+    /// Folder of the run that is learned from: `distil` is to answer as its network does, all others begin with that network's weights.
     #[serde(default)]
     pub teacher: Option<PathBuf>,
     /// Name of a built-in sensor, or path of a sensor's TOML file.
@@ -188,8 +190,15 @@ impl TranslationConfig {
     pub fn multiple(&self) -> usize {
         match self.method {
             Method::UNet => COLUMN_MULTIPLE,
-            Method::Cls2r | Method::CycleGan | Method::GcGan | Method::Distil => self.generator.multiple(),
+            Method::Cls2r | Method::CycleGan | Method::GcGan | Method::Distil | Method::Paired => {
+                self.generator.multiple()
+            }
         }
+    }
+
+    /// Whether real scans made to look simulated are learned from.
+    pub fn has_twins(&self) -> bool {
+        self.losses.twins > 0.0 || self.method == Method::Paired
     }
 
     fn check(&self) -> Result<()> {
@@ -209,9 +218,10 @@ impl TranslationConfig {
         ensure!(s.decay > 0.0 && s.decay <= 1.0, "decay is {}, expected more than 0, at most 1", s.decay);
         ensure!((0.0..1.0).contains(&s.average), "average is {}, expected 0 or more, below 1", s.average);
         ensure!(s.clip_norm > 0.0, "clip_norm is {}", s.clip_norm);
+        ensure!(self.teacher.is_none() || self.method != Method::UNet, "teacher: a U-Net learns from no other run");
         ensure!(
-            self.teacher.is_none() || self.method == Method::Distil,
-            "teacher: only the method distil learns from another run"
+            self.ray_drop || self.method != Method::Paired,
+            "method paired: without ray_drop there is nothing to learn"
         );
         let twins = self.losses.twins;
         ensure!(
@@ -230,7 +240,7 @@ impl TranslationConfig {
         ensure!((1..=6).contains(&d.halvings), "discriminator.halvings is {}, expected 1 to 6", d.halvings);
         for (name, number) in [("rings", rings), ("crop_columns", s.crop_columns)] {
             ensure!(
-                matches!(self.method, Method::UNet | Method::Distil) || d.fits(number),
+                matches!(self.method, Method::UNet | Method::Distil | Method::Paired) || d.fits(number),
                 "{name}: {number} hold no patch of the discriminator; give it fewer halvings than {}",
                 d.halvings
             );

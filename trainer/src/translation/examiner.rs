@@ -24,6 +24,8 @@ pub struct Examiner {
     of_simulation: Vec<Distance>,
     /// Real scans made to look simulated, where these are learned from too.
     twins: Vec<Sample>,
+    /// Whether these alone decide which network is best.
+    twins_alone: bool,
 }
 
 impl Examiner {
@@ -40,13 +42,19 @@ impl Examiner {
 
     fn with(simulated: Domain, real: Vec<RangeImage>, caption: &'static str) -> Self {
         let of_simulation = distances(&simulated.images, &real);
-        Self { simulated, real, caption, of_simulation, twins: vec![] }
+        Self { simulated, real, caption, of_simulation, twins: vec![], twins_alone: false }
     }
 
     /// The same examiner, who also looks at what is made of these.
     #[must_use]
     pub fn with_twins(self, twins: Vec<Sample>) -> Self {
         Self { twins, ..self }
+    }
+
+    /// The same examiner, for whom nothing but these counts.
+    #[must_use]
+    pub fn of_twins_alone(self) -> Self {
+        Self { twins_alone: true, ..self }
     }
 
     /// How far the simulation itself is from real.
@@ -74,7 +82,8 @@ impl Examiner {
                 own.push(pair.pass_through);
             }
         }
-        let total = found.iter().zip(own).map(|(d, own)| d.value / own.max(f64::EPSILON)).sum();
+        let counted = if self.twins_alone { self.of_simulation.len() } else { 0 };
+        let total = found.iter().zip(own).skip(counted).map(|(d, own)| d.value / own.max(f64::EPSILON)).sum();
         let curves = found.iter().map(|d| (d.metric.clone(), d.value)).collect();
         Validation { total, scores: json!(found), curves }
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::config::TranslationConfig;
+use super::config::{Method, TranslationConfig};
 use super::exam::{Exam, Marks};
 use super::realness::Distance;
 use super::training::{Trained, best_network, train};
@@ -141,7 +141,11 @@ impl Table {
         )?;
         for row in &self.rows {
             if let Some(teacher) = &row.teacher {
-                write!(text, "{} learned from what {teacher} answers, in {}. ", row.name, row.budget())?;
+                let how = match row.config.method {
+                    Method::Distil => format!("learned from what {teacher} answers"),
+                    _ => format!("began with what {teacher} had learned"),
+                };
+                write!(text, "{} {how}, in {}. ", row.name, row.budget())?;
             }
         }
         write!(text, "{}\n\n{twins}", exam.says())?;

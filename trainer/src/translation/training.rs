@@ -93,11 +93,12 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     let simulated = |list: &[DataConfig], real: &Domain| Domain::simulated(config, &run.data, list, real);
     let validate = simulated(&config.simulated.validate, &real)?;
     let examiner = if config.method == Method::Distil {
-        Examiner::of_imitation(validate, &teacher(config)?)
+        Examiner::of_imitation(validate, &teacher(config)?.network)
     } else {
         let unseen = load(&config.real.validate)?;
         let twins = disguise(config, &grid, &real).map(|disguise| disguise.put_on_all(&unseen.images));
-        Examiner::new(validate, unseen).with_twins(twins.unwrap_or_default())
+        let examiner = Examiner::new(validate, unseen).with_twins(twins.unwrap_or_default());
+        if config.method == Method::Paired { examiner.of_twins_alone() } else { examiner }
     };
     let learn_from = |real: &Domain| simulated(&config.simulated.train, real);
     let mut learner = learner(config, &grid, (learn_from, real), examiner)?;
@@ -116,7 +117,7 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     Ok(Some(scores))
 }
 
-/// A config's method with random weights, and the scans that it learns from; a method that learns from real scans alone loads no others.
+/// A config's method as it begins, and the scans that it learns from; a method that learns from real scans alone loads no others.
 fn learner(
     config: &TranslationConfig,
     grid: &Grid,
@@ -154,7 +155,7 @@ fn learner(
 
 /// How a config's real scans are made to look simulated, if it learns from that.
 fn disguise(config: &TranslationConfig, grid: &Grid, real: &Domain) -> Option<Disguise> {
-    (config.losses.twins > 0.0).then(|| Disguise {
+    config.has_twins().then(|| Disguise {
         own_vehicle: real.hidden(config, &grid.sensor),
         attenuation_per_m: config.attenuation_per_m.map(|rate_per_m| rate_per_m as f32),
     })

@@ -5,7 +5,7 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, s};
 
-use super::{Approach, Miss, Setting, Step, value};
+use super::{Approach, Miss, Setting, Step, begin, value};
 use crate::network::{PatchGan, PatchHeads, Places, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
@@ -22,16 +22,16 @@ pub struct Cls2r {
 }
 
 impl Cls2r {
-    /// With random weights.
-    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Self {
+    /// The generator with the weights that it begins with, the others with random ones.
+    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
         let schedule = &config.schedule;
         let heads = PatchHeads::new(&config.generator.feature_channels(), device);
-        Self {
-            generator: Trainee::new(setting.generator.init(device), schedule),
+        Ok(Self {
+            generator: Trainee::new(begin(config, setting, device)?, schedule),
             discriminator: Trainee::new(config.discriminator.init(device), schedule),
             heads: Trainee::new(heads, schedule),
             setting,
-        }
+        })
     }
 }
 

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
-use super::{Approach, Setting, Step, difference, value};
+use super::{Approach, Setting, Step, begin, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::answer::Answer;
@@ -31,15 +31,16 @@ struct Judge {
 }
 
 impl CycleGan {
-    /// With random weights.
-    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Self {
+    /// The generator to real with the weights that it begins with, the others with random ones.
+    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
         let schedule = &config.schedule;
-        let generator = || Trainee::new(setting.generator.init(device), schedule);
+        let to_real = Trainee::new(begin(config, setting, device)?, schedule);
+        let to_simulated = Trainee::new(setting.generator.init(device), schedule);
         let judge = || Judge {
             network: Trainee::new(config.discriminator.init(device), schedule),
             pool: Pool::new(config.losses.pool),
         };
-        Self { to_real: generator(), to_simulated: generator(), real: judge(), simulated: judge(), setting }
+        Ok(Self { to_real, to_simulated, real: judge(), simulated: judge(), setting })
     }
 }
 

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::{Approach, Miss, Setting, Step, Target, value};
 use crate::loss::{cross_entropy, weighted_mean};
-use crate::network::{Generated, Resnet};
+use crate::network::{Generated, Resnet, ResnetConfig};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
 use crate::translation::training::{Trained, best_network};
@@ -27,7 +27,7 @@ impl Distil {
     /// A student with random weights, and the best network of the config's teacher.
     pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
         let student = Trainee::new(setting.generator.init(device), &config.schedule);
-        let teacher = teacher(config)?.generator().clone().with_border(setting.generator.border);
+        let teacher = teacher(config)?.network.generator().clone().with_border(setting.generator.border);
         Ok(Self { student, teacher: teacher.to_device(&device.clone().inner()), setting })
     }
 
@@ -69,12 +69,21 @@ impl Approach for Distil {
     }
 }
 
+/// The best network of a run that is learned from.
+#[derive(Debug)]
+pub struct Teacher {
+    /// As it answers.
+    pub network: Translator,
+    /// What it is built by.
+    pub config: ResnetConfig,
+}
+
 /// The best network of the run that a config names as teacher.
 ///
 /// A run that saw scans otherwise, or other real scans, is refused: what the student's card says would not be true.
-pub fn teacher(config: &TranslationConfig) -> Result<Translator> {
+pub fn teacher(config: &TranslationConfig) -> Result<Teacher> {
     let run = config.teacher.as_deref().context("method distil: name the run to learn from, `teacher`")?;
-    let load = || -> Result<Translator> {
+    let load = || -> Result<Teacher> {
         let taught = TranslationConfig::read(&run.join("config.toml"))?;
         let seen = |config: &TranslationConfig| -> Result<String> {
             let TranslationConfig { sensor, columns, licence, own_vehicle, attenuation_per_m, real, .. } = config;
@@ -87,7 +96,7 @@ pub fn teacher(config: &TranslationConfig) -> Result<Translator> {
         let (expected, found) = (seen(config)?, seen(&taught)?);
         ensure!(found == expected, "it learned from\n{found}\nexpected\n{expected}");
         match best_network(&taught, run)? {
-            Trained::Translator(network) => Ok(*network),
+            Trained::Translator(network) => Ok(Teacher { network: *network, config: taught.generator }),
             Trained::UNet(_) => {
                 bail!("a U-Net gives no codes to learn; expected a network that is shown simulated scans")
             }

@@ -5,7 +5,7 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
-use super::{Approach, Setting, Step, difference, value};
+use super::{Approach, Setting, Step, begin, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
@@ -21,16 +21,16 @@ pub struct GcGan {
 }
 
 impl GcGan {
-    /// With random weights.
-    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Self {
+    /// The generator with the weights that it begins with, the others with random ones.
+    pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
         let schedule = &config.schedule;
         let judge = || Trainee::new(config.discriminator.init(device), schedule);
-        Self {
-            generator: Trainee::new(setting.generator.init(device), schedule),
+        Ok(Self {
+            generator: Trainee::new(begin(config, setting, device)?, schedule),
             discriminator: judge(),
             discriminator_mirrored: judge(),
             setting,
-        }
+        })
     }
 }
 

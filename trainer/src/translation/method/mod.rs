@@ -4,8 +4,10 @@ mod cls2r;
 mod cycle_gan;
 mod distil;
 mod gc_gan;
+mod paired;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
+use burn::module::Module;
 use burn::tensor::{Device, Tensor, s};
 
 use super::answer::Reporting;
@@ -22,6 +24,7 @@ pub use cls2r::Cls2r;
 pub use cycle_gan::CycleGan;
 pub use distil::{Distil, teacher};
 pub use gc_gan::GcGan;
+pub use paired::Paired;
 
 /// What a step is made of.
 #[derive(Clone, Debug)]
@@ -74,15 +77,30 @@ impl Step {
     }
 }
 
-/// The method of a config, its generator with random weights; `None` for the one that is not shown simulated scans.
+/// The method of a config, its generator with the weights that it begins with; `None` for the one that is not shown simulated scans.
 pub fn approach(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Option<Box<dyn Approach>>> {
     Ok(match config.method {
-        Method::Cls2r => Some(Box::new(Cls2r::new(config, setting, device))),
-        Method::CycleGan => Some(Box::new(CycleGan::new(config, setting, device))),
-        Method::GcGan => Some(Box::new(GcGan::new(config, setting, device))),
+        Method::Cls2r => Some(Box::new(Cls2r::new(config, setting, device)?)),
+        Method::CycleGan => Some(Box::new(CycleGan::new(config, setting, device)?)),
+        Method::GcGan => Some(Box::new(GcGan::new(config, setting, device)?)),
         Method::Distil => Some(Box::new(Distil::new(config, setting, device)?)),
+        Method::Paired => Some(Box::new(Paired::new(config, setting, device)?)),
         Method::UNet => None,
     })
+}
+
+/// The generator as training begins: with random weights, or with those of the run that the config names.
+fn begin(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Resnet> {
+    let Some(run) = &config.teacher else { return Ok(setting.generator.init(device)) };
+    let begun = teacher(config)?;
+    let (expected, found) = (config.generator, begun.config);
+    ensure!(
+        found == expected,
+        "teacher {}: to begin with its weights takes the same network; it is\n{found:?}\nexpected\n{expected:?}",
+        run.display()
+    );
+    let network = begun.network.generator().clone().with_border(setting.generator.border);
+    Ok(network.to_device(&device.clone().inner()).train())
 }
 
 /// What a generator should have said of scans, pixel by pixel, each `[batch, …, ring, column]`.
