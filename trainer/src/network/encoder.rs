@@ -9,6 +9,14 @@ use super::border::Border;
 use super::residual::{Block, Stage};
 use super::resnet::{HALVINGS, ResnetConfig};
 
+/// What an encoder makes of an image.
+pub(super) struct Encoded {
+    /// Latent features, at a quarter of the image's size.
+    pub(super) latent: Tensor<4>,
+    /// What is halved, halving by halving.
+    pub(super) details: Vec<Tensor<4>>,
+}
+
 /// From an image to the latent features at a quarter of its size, up to the block where image and condition are added.
 #[derive(Module, Debug)]
 pub(super) struct Encoder {
@@ -35,14 +43,17 @@ impl Encoder {
         rings: Option<Tensor<4>>,
         border: Border,
         seen: &mut Vec<Tensor<4>>,
-    ) -> Tensor<4> {
+    ) -> Encoded {
         let convolved = self.stem.conv.forward(border.pad(x, 3));
         let told_apart = rings.into_iter().fold(convolved, |x, rings| x + rings);
         let mut x = relu(self.stem.norm.forward(told_apart));
+        let mut details = vec![];
         for stage in &self.down {
             let convolved = stage.conv.forward(border.pad(x, 1));
             seen.push(convolved.clone());
-            x = halve(relu(stage.norm.forward(convolved)), border);
+            let detail = relu(stage.norm.forward(convolved));
+            x = halve(detail.clone(), border);
+            details.push(detail);
         }
         for (i, block) in self.blocks.iter().enumerate() {
             x = block.forward(x, border);
@@ -50,6 +61,6 @@ impl Encoder {
                 seen.push(x.clone());
             }
         }
-        x
+        Encoded { latent: x, details }
     }
 }

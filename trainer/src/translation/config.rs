@@ -59,8 +59,8 @@ pub struct TranslationConfig {
     /// Columns of the turn, if other than the sensor's; scans with more are resampled to it.
     #[serde(default)]
     pub columns: Option<usize>,
-    /// Columns of the turns that the exported model takes, a multiple of those that it learns from: each n-th column is then seen as a turn
-    /// of its own, as coarse as those.
+    /// Columns of the turns that the exported model takes. Where they are n times those that it learns from, or nearly so, each n-th column is
+    /// seen as a turn of its own, as coarse as those.
     #[serde(default)]
     pub served_columns: Option<usize>,
     /// What computes the steps.
@@ -122,6 +122,10 @@ pub struct Split {
     pub test: Vec<DataConfig>,
 }
 
+/// By how much, as a share, the columns of served turns may be narrower or wider than those that were learned from. Real scans of an HDL-64E
+/// show which rays are lost on a grid of 1800 columns, and are served on 2048.
+const MOST_COARSER: f64 = 0.2;
+
 fn yes() -> bool {
     true
 }
@@ -166,11 +170,19 @@ impl TranslationConfig {
         let Grid { sensor, native, .. } = self.grid()?;
         let columns = sensor.columns();
         let served = self.served_columns.unwrap_or(columns);
+        let phases = (served as f64 / columns as f64).round() as usize;
+        let coarser = served as f64 / (phases * columns) as f64;
         ensure!(
-            served > 0 && served.is_multiple_of(columns),
-            "served_columns is {served}, expected a multiple of the {columns} that are learned from"
+            phases > 0 && (1.0 - MOST_COARSER..=1.0 + MOST_COARSER).contains(&coarser),
+            "served_columns is {served}, expected a multiple of the {columns} that are learned from, within {:.0} %",
+            100.0 * MOST_COARSER
         );
-        Ok((native.with_columns(served)?, served / columns))
+        let multiple = phases * self.multiple();
+        ensure!(
+            served.is_multiple_of(multiple),
+            "served_columns is {served}, to be seen as turns of {columns} or nearly so; expected a multiple of {multiple}"
+        );
+        Ok((native.with_columns(served)?, phases))
     }
 
     /// How networks see scans, and how their answers lose rays.
@@ -297,7 +309,9 @@ mod tests {
             ("columns = 510", "columns: 510"),
             ("[schedule]\ncrop_columns = 2052", "the turn has 2048"),
             ("[schedule]\naverage = 1.0", "average"),
-            ("columns = 512\nserved_columns = 2000", "served_columns is 2000"),
+            ("columns = 512\nserved_columns = 640", "served_columns is 640, expected a multiple of the 512"),
+            ("columns = 512\nserved_columns = 2008", "served_columns is 2008, to be seen as turns of 512"),
+            ("columns = 512\nserved_columns = 100", "served_columns is 100, expected"),
             ("[losses]\npatches = 1", "patches"),
             ("[losses]\ntwins = -1.0", "losses.twins is -1"),
             ("ray_drop = false\n[losses]\ntwins = 1.0", "only cls2r with ray drop"),
@@ -310,6 +324,16 @@ mod tests {
         }
         assert!(refusal("", "drops_observed = false\n").contains("artefacts"));
         assert!(refusal("", "sector_deg = [90.0, 0.0]\n").contains("whole turns"));
+    }
+
+    #[test]
+    fn served_turns_are_seen_as_coarse_as_those_that_were_learned_from_or_nearly_so() -> Result<()> {
+        for (columns, served, phases) in [(512, 2048, 4), (1800, 2048, 1), (512, 2000, 4), (1024, 1024, 1)] {
+            let (sensor, found) =
+                parse(&text(&format!("columns = {columns}\nserved_columns = {served}"), ""))?.served()?;
+            assert_eq!((sensor.columns(), found), (served, phases), "{columns}");
+        }
+        Ok(())
     }
 
     #[test]

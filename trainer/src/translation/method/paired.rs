@@ -28,7 +28,7 @@ impl Approach for Paired {
         // A config of this method always has them.
         let Some(twins) = &step.twins else { return vec![] };
         let losses = self.setting.losses;
-        // Beside simulated scans, of which nothing is asked: batch norms see what the network goes out with.
+        // Beside simulated scans, of which nothing is asked: batch norms see what the network goes out with, and labels, which no real scan has.
         let shown = step.simulated.beside(&twins.shown);
         let scans = step.simulated.image.dims()[0];
         let said = self.generator.network.forward(shown.image, &shown.condition).scans(scans..2 * scans);
