@@ -12,6 +12,7 @@ use crate::data::sample::Sample;
 use crate::data::scans::{cut_columns, scan_files};
 use crate::evaluate::{Scores, made_simulated, scores};
 use crate::generator::Answer;
+use crate::translation::Domain;
 
 /// The card in a model's file.
 pub fn card(onnx: &[u8]) -> Result<Card> {
@@ -21,10 +22,19 @@ pub fn card(onnx: &[u8]) -> Result<Card> {
     Ok(Card::from_json(&card)?)
 }
 
-/// Scores a model ray by ray on the real scans of a folder, made to look simulated, on a grid of so many columns: of the sensor's own, or of
-/// those of which each pixel holds a ray that was fired. Columns beyond the model's multiple are left out at the end. Noise of its own is
-/// put at ½.
-pub fn score(onnx: &[u8], scans: &Path, columns: Option<usize>) -> Result<Scores> {
+/// What an exported model is asked.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asked {
+    /// Columns of the grid, if not the sensor's: those of which each pixel holds a ray that was fired.
+    pub columns: Option<usize>,
+    /// Whether nothing is asked of rays that the vehicle under the sensor hides: see [`Domain::own_vehicle`].
+    pub without_own_vehicle: bool,
+}
+
+/// Scores a model ray by ray on the real scans of a folder, made to look simulated. Columns beyond the model's multiple are left out at the
+/// end. Noise of its own is put at ½.
+pub fn score(onnx: &[u8], scans: &Path, asked: Asked) -> Result<Scores> {
+    let Asked { columns, without_own_vehicle } = asked;
     let mut card = card(onnx)?;
     let sensor = card.sensor.clone();
     let fired = sensor.clone().with_columns(columns.unwrap_or(sensor.columns()))?;
@@ -41,7 +51,9 @@ pub fn score(onnx: &[u8], scans: &Path, columns: Option<usize>) -> Result<Scores
         .collect::<Result<_>>()?;
 
     card.sensor = sensor.with_columns(kept)?;
-    let samples: Vec<Sample> = made_simulated(&images).collect();
+    let scans = Domain { images, datasets: vec![] };
+    let hidden = if without_own_vehicle { scans.own_vehicle(&card.sensor) } else { vec![] };
+    let samples: Vec<Sample> = made_simulated(&scans.images).map(|sample| sample.without(&hidden)).collect();
     let answers = Network::new(onnx, &card)?.generate(samples.iter().map(|sample| &sample.simulated), &card.sensor)?;
     let answers = answers.into_iter().map(|answer| Answer {
         range_m: answer.image.range_m().to_vec(),

@@ -6,8 +6,9 @@ use lidar::{Sensor, formats, ray_drop};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 use trainer::config::TrainConfig;
+use trainer::export;
+use trainer::exported::{self, Asked};
 use trainer::train::{Run, best_network, checkpoint, train};
-use trainer::{export, exported};
 
 type Fact = Result<(), Box<dyn std::error::Error>>;
 
@@ -74,7 +75,9 @@ fn it_learns_that_far_rays_are_lost_and_what_the_sensor_makes_of_reflectance() -
     assert!(std::fs::read_to_string(models.join("toy/2/card.md"))?.contains("keep log-loss"));
 
     // The file alone scores what its run did, on a grid of other columns something else; nothing scores fewer than its multiple.
-    let score = |columns: Option<usize>| exported::score(&onnx, &root.path().join("scans"), columns);
+    let score = |columns: Option<usize>| {
+        exported::score(&onnx, &root.path().join("scans"), Asked { columns, ..Asked::default() })
+    };
     let of_file = score(None)?;
     for (file, run) in of_file.to_card().iter().zip(scores.to_card()) {
         assert_eq!((&file.metric, file.scans), (&run.metric, run.scans));
@@ -85,7 +88,7 @@ fn it_learns_that_far_rays_are_lost_and_what_the_sensor_makes_of_reflectance() -
     }
     assert_ne!(score(Some(200))?, of_file);
     assert!(score(Some(4)).is_err());
-    assert!(exported::score(b"no model", root.path(), None).is_err());
+    assert!(exported::score(b"no model", root.path(), Asked::default()).is_err());
     Ok(())
 }
 

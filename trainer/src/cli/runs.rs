@@ -7,11 +7,12 @@ use burn::tensor::Device;
 use clap::Args;
 use trainer::backend::Backend;
 use trainer::config::{AnyConfig, TrainConfig};
+use trainer::exported::{self, Asked};
 use trainer::realness::Protocol;
 use trainer::segmentation::Segmentation;
 use trainer::train::{Run, supervised, train};
 use trainer::translation::TranslationConfig;
-use trainer::{export, exported, translation};
+use trainer::{export, translation};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {
@@ -64,6 +65,10 @@ pub(super) struct ScoreArgs {
     /// Columns of a grid of which each pixel holds a ray that was fired, so that an empty one is a ray that was lost; KITTI's has 1800.
     #[arg(long)]
     columns: Option<usize>,
+    /// Ask nothing of the rays that the vehicle under the sensor hides, which hardly any of ten scans or more reports: a model may have learned
+    /// where they are, and have them lost wherever it is used.
+    #[arg(long)]
+    without_own_vehicle: bool,
 }
 
 #[derive(Debug, Args)]
@@ -127,7 +132,8 @@ impl EvaluateArgs {
 impl ScoreArgs {
     /// The model's scores.
     pub(super) fn table(&self) -> Result<String> {
-        let score = || -> Result<_> { exported::score(&std::fs::read(&self.model)?, &self.scans, self.columns) };
+        let asked = Asked { columns: self.columns, without_own_vehicle: self.without_own_vehicle };
+        let score = || -> Result<_> { exported::score(&std::fs::read(&self.model)?, &self.scans, asked) };
         Ok(score().with_context(|| format!("model {}", self.model.display()))?.to_table())
     }
 }
