@@ -40,7 +40,7 @@ fn main() -> Result<()> {
             "parameters": {
                 "generator": method.generator().num_params(),
                 "discriminator": config.discriminator.init(&device).num_params(),
-                "heads": PatchHeads::new(&generator.feature_channels(), &device).num_params(),
+                "heads": PatchHeads::new(&generator.feature_channels(), generator.gain, &device).num_params(),
             },
         })
     );

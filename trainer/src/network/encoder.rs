@@ -28,11 +28,11 @@ pub(super) struct Encoder {
 impl Encoder {
     /// For images of so many channels.
     pub(super) fn new(config: &ResnetConfig, channels: usize, device: &Device) -> Self {
-        let (width, norm) = (config.width, config.norm);
+        let width = config.width;
         Self {
-            stem: Stage::new([channels, width], 7, norm, device),
-            down: (0..HALVINGS).map(|i| Stage::new([width << i, width << (i + 1)], 3, norm, device)).collect(),
-            blocks: (0..config.joined()).map(|_| Block::new(width << HALVINGS, norm, device)).collect(),
+            stem: Stage::new([channels, width], 7, config, device),
+            down: (0..HALVINGS).map(|i| Stage::new([width << i, width << (i + 1)], 3, config, device)).collect(),
+            blocks: (0..config.joined()).map(|_| Block::new(config, device)).collect(),
         }
     }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::blur::halve;
 use super::border::Border;
-use super::layers::conv;
+use super::layers::{CUTS_GAIN, conv};
 use super::norm::{Norm, NormKind};
 use super::resnet::IMAGE_CHANNELS;
 
@@ -20,7 +20,7 @@ const LEAK: f64 = 0.2;
 const MOST_DOUBLINGS: usize = 3;
 
 /// Size of a [`PatchGan`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PatchGanConfig {
     /// Channels of the first layer; the papers' ndf.
@@ -29,11 +29,13 @@ pub struct PatchGanConfig {
     pub halvings: usize,
     /// What keeps features in bounds.
     pub norm: NormKind,
+    /// What Xavier's weights are multiplied by to begin with, as for [`ResnetConfig`](super::ResnetConfig).
+    pub gain: f64,
 }
 
 impl Default for PatchGanConfig {
     fn default() -> Self {
-        Self { width: 64, halvings: 3, norm: NormKind::Instance }
+        Self { width: 64, halvings: 3, norm: NormKind::Instance, gain: CUTS_GAIN }
     }
 }
 
@@ -50,13 +52,13 @@ impl PatchGanConfig {
     pub fn init(&self, device: &Device) -> PatchGan {
         let width = |i: usize| self.width << i.min(MOST_DOUBLINGS);
         let deeper = |i: usize| {
-            let (from, to) = (width(i), width(i + 1));
-            (conv(from, to, 4, 1, device), self.norm.init(to, device))
+            let channels = [width(i), width(i + 1)];
+            (conv(channels, 4, 1, self.gain, device), self.norm.init(channels[1], device))
         };
         PatchGan {
-            first: conv(IMAGE_CHANNELS, self.width, 4, 1, device),
+            first: conv([IMAGE_CHANNELS, self.width], 4, 1, self.gain, device),
             deeper: (0..self.halvings).map(deeper).collect(),
-            head: conv(width(self.halvings), 1, 4, 1, device),
+            head: conv([width(self.halvings), 1], 4, 1, CUTS_GAIN, device),
         }
     }
 

@@ -45,9 +45,10 @@ impl Places {
 }
 
 impl PatchHeads {
-    /// Heads with random weights for layers of so many channels.
-    pub fn new(channels: &[usize], device: &Device) -> Self {
-        let head = |n: &usize| Head { first: linear(*n, NUMBERS, device), second: linear(NUMBERS, NUMBERS, device) };
+    /// Heads with random weights for layers of so many channels; `gain` as for [`ResnetConfig`](super::ResnetConfig).
+    pub fn new(channels: &[usize], gain: f64, device: &Device) -> Self {
+        let layer = |from| linear(from, NUMBERS, gain, device);
+        let head = |n: &usize| Head { first: layer(*n), second: layer(NUMBERS) };
         Self { heads: channels.iter().map(head).collect() }
     }
 
@@ -90,6 +91,7 @@ fn contrast(answer: Tensor<3>, question: &Tensor<3>) -> Tensor<1> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::layers::CUTS_GAIN;
     use super::*;
     use burn::tensor::Distribution;
     use rand::SeedableRng;
@@ -97,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_papers_heads_have_the_papers_weights() {
-        assert_eq!(PatchHeads::new(&[2, 128, 256, 256, 256], &Device::flex()).num_params(), 560_128);
+        assert_eq!(PatchHeads::new(&[2, 128, 256, 256, 256], CUTS_GAIN, &Device::flex()).num_params(), 560_128);
     }
 
     #[test]
@@ -126,7 +128,7 @@ mod tests {
         let device = Device::flex();
         device.seed(7);
         let features = |batch| vec![Tensor::<4>::random([batch, 6, 4, 8], Distribution::Normal(0.0, 1.0), &device)];
-        let heads = PatchHeads::new(&[6], &device);
+        let heads = PatchHeads::new(&[6], CUTS_GAIN, &device);
         let (answer, question) = (features(3), features(3));
         let places = Places::draw(&question, 16, &mut ChaCha8Rng::seed_from_u64(2));
         let of = |x: &[Tensor<4>], i: usize| vec![x[0].clone().slice(burn::tensor::s![i..i + 1, .., .., ..])];
@@ -142,7 +144,7 @@ mod tests {
         device.seed(4);
         let features = || vec![Tensor::<4>::random([2, 6, 8, 16], Distribution::Normal(0.0, 1.0), &device)];
         // Xavier's tiny weights: directions, not lengths, are compared.
-        let heads = PatchHeads::new(&[6], &device);
+        let heads = PatchHeads::new(&[6], CUTS_GAIN, &device);
         let (question, other) = (features(), features());
         let places = Places::draw(&question, 64, &mut ChaCha8Rng::seed_from_u64(1));
         let loss = |answer: &[Tensor<4>]| heads.loss(answer, &question, &places).into_scalar::<f32>();

@@ -7,7 +7,8 @@ use burn::tensor::{Device, Tensor};
 
 use super::border::Border;
 use super::layers::conv;
-use super::norm::{Norm, NormKind};
+use super::norm::Norm;
+use super::resnet::{HALVINGS, ResnetConfig};
 
 /// Convolution, norm, `ReLU`.
 #[derive(Module, Debug)]
@@ -24,8 +25,9 @@ pub(super) struct Block {
 }
 
 impl Stage {
-    pub(super) fn new([from, to]: [usize; 2], size: usize, norm: NormKind, device: &Device) -> Self {
-        Self { conv: conv(from, to, size, 0, device), norm: norm.init(to, device) }
+    /// Of the kind that a generator's config says.
+    pub(super) fn new(channels: [usize; 2], size: usize, of: &ResnetConfig, device: &Device) -> Self {
+        Self { conv: conv(channels, size, 0, of.gain, device), norm: of.norm.init(channels[1], device) }
     }
 
     pub(super) fn forward(&self, x: Tensor<4>, border: Border) -> Tensor<4> {
@@ -34,8 +36,10 @@ impl Stage {
 }
 
 impl Block {
-    pub(super) fn new(channels: usize, norm: NormKind, device: &Device) -> Self {
-        let stage = || Stage::new([channels, channels], 3, norm, device);
+    /// At a generator's least size.
+    pub(super) fn new(of: &ResnetConfig, device: &Device) -> Self {
+        let channels = of.width << HALVINGS;
+        let stage = || Stage::new([channels, channels], 3, of, device);
         Self { first: stage(), second: stage() }
     }
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::blur::double;
 use super::border::Border;
 use super::encoder::{Encoded, Encoder};
-use super::layers::conv;
+use super::layers::{CUTS_GAIN, conv};
 use super::norm::NormKind;
 use super::residual::{Block, Stage};
 
@@ -33,6 +33,10 @@ pub struct ResnetConfig {
     pub blocks: usize,
     /// What keeps features in bounds.
     pub norm: NormKind,
+    /// What Xavier's weights are multiplied by to begin with; the last layer's always by CUT's 0.02, so that a [correction](Output::Correction)
+    /// begins near nothing. With 0.02 features are about as small as the ε of the norms, and Adam, which moves weights by as much however
+    /// small they are, moves these by all of their size at once: a training of few steps is spent on getting over that. With 1 it is not.
+    pub gain: f64,
     /// How the image goes on beyond its edges.
     pub border: Border,
     /// Whether there is an encoder of the semantic labels.
@@ -66,6 +70,7 @@ impl Default for ResnetConfig {
             width: 64,
             blocks: 9,
             norm: NormKind::Instance,
+            gain: CUTS_GAIN,
             border: Border::Turn,
             condition: true,
             rings: 0,
@@ -125,16 +130,14 @@ impl Generated {
 impl ResnetConfig {
     /// A network with random weights.
     pub fn init(&self, device: &Device) -> Resnet {
-        let (width, norm) = (self.width, self.norm);
-        let joined = self.joined();
-        let deep = width << HALVINGS;
+        let (width, joined) = (self.width, self.joined());
         Resnet {
             image: Encoder::new(self, IMAGE_CHANNELS, device),
             condition: self.condition.then(|| Encoder::new(self, 1, device)),
             rings: (self.rings > 0).then(|| Rings::new(self, device)),
-            blocks: (joined..self.blocks).map(|_| Block::new(deep, norm, device)).collect(),
-            up: (0..HALVINGS).rev().map(|i| Stage::new([width << (i + 1), width << i], 3, norm, device)).collect(),
-            head: conv(width, IMAGE_CHANNELS + 1, 7, 0, device),
+            blocks: (joined..self.blocks).map(|_| Block::new(self, device)).collect(),
+            up: (0..HALVINGS).rev().map(|i| Stage::new([width << (i + 1), width << i], 3, self, device)).collect(),
+            head: conv([width, IMAGE_CHANNELS + 1], 7, 0, CUTS_GAIN, device),
             border: self.border,
             details: self.details,
             output: self.output,
@@ -316,12 +319,23 @@ mod tests {
     }
 
     #[test]
+    fn all_weights_but_the_last_layers_begin_as_large_as_is_asked_for() {
+        let device = Device::flex();
+        let spread = |conv: &Conv2d| conv.weight.val().square().mean().sqrt().into_scalar::<f32>();
+        let [small, large] =
+            [CUTS_GAIN, 1.0].map(|gain| ResnetConfig { gain, ..ResnetConfig::default() }.init(&device));
+        let ratio = |conv: fn(&Resnet) -> &Conv2d| spread(conv(&large)) / spread(conv(&small));
+        assert!((ratio(|network| &network.up[0].conv) - 50.0).abs() < 2.0);
+        assert!((ratio(|network| &network.head) - 1.0).abs() < 0.1);
+    }
+
+    #[test]
     fn a_correction_moves_ranges_no_further_than_it_may() {
         let device = Device::flex();
         let (image, condition) = scan(&device);
         let config = ResnetConfig { output: Output::Correction, range_reach: 0.01, ..small(Border::Turn) };
         let mut network = config.init(&device);
-        network.head = conv(4, IMAGE_CHANNELS + 1, 7, 0, &device).map(&mut Louder);
+        network.head = conv([4, IMAGE_CHANNELS + 1], 7, 0, CUTS_GAIN, &device).map(&mut Louder);
         let moved = (network.forward(image.clone(), &condition).image - image).abs();
         let most = |channel: usize| moved.clone().slice(s![.., channel..=channel]).max().into_scalar::<f32>();
         assert!(most(0) <= 0.010_001 && most(0) > 0.009 && most(1) > 0.1, "{} {}", most(0), most(1));

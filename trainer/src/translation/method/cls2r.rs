@@ -25,7 +25,7 @@ impl Cls2r {
     /// The generator with the weights that it begins with, the others with random ones.
     pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
         let schedule = &config.schedule;
-        let heads = PatchHeads::new(&config.generator.feature_channels(), device);
+        let heads = PatchHeads::new(&config.generator.feature_channels(), config.generator.gain, device);
         Ok(Self {
             generator: Trainee::new(begin(config, setting, device)?, schedule),
             discriminator: Trainee::new(config.discriminator.init(device), schedule),
