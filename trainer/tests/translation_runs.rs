@@ -333,7 +333,9 @@ fn with_a_segmentation_network_a_table_tells_every_metric() -> Fact {
 #[test]
 fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/translation");
-    for name in ["unet", "baseline", "cyclegan", "gcgan", "contrastive", "cls2r", "fast", "distilled", "twins", "paired"] {
+    for name in
+        ["unet", "baseline", "cyclegan", "gcgan", "contrastive", "cls2r", "fast", "distilled", "twins", "paired"]
+    {
         let read = |folder: PathBuf| TranslationConfig::read(&folder.join(name).with_extension("toml"));
         let (paper, small) = (read(folder.clone())?, read(folder.join("small"))?);
         assert_eq!((paper.method, paper.ray_drop), (small.method, small.ray_drop), "{name}");
