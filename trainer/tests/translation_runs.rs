@@ -343,7 +343,7 @@ fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
         assert!(small.schedule.steps < paper.schedule.steps, "{name}");
     }
     TranslationConfig::read(&folder.join("small/hdl64e-cls2r.toml"))?;
-    for name in ["table", "table-carla"] {
+    for name in ["table", "table-carla", "table-gain"] {
         Table::read(&folder.join("small").join(name).with_extension("toml"))?;
     }
     Ok(())
