@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use lidar::formats::Limits;
 use lidar::{Sensor, formats, ray_drop};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
@@ -89,6 +90,20 @@ fn it_learns_that_far_rays_are_lost_and_what_the_sensor_makes_of_reflectance() -
     assert_ne!(score(Some(200))?, of_file);
     assert!(score(Some(4)).is_err());
     assert!(exported::score(b"no model", root.path(), Asked::default()).is_err());
+
+    // What a vehicle hides from ten scans, some columns of the lowest rings, is lost to all; then nothing is asked of it.
+    let scans = root.path().join("on-a-vehicle");
+    std::fs::create_dir_all(&scans)?;
+    let cloud = formats::read(&root.path().join("scans/0.ply"), &Limits::default())?;
+    let hidden = |i: usize| cloud.x[i] > 0.0 && cloud.y[i].abs() < 0.1 * cloud.x[i] && cloud.z[i] < -0.2 * cloud.x[i];
+    let seen: Vec<u32> = (0..cloud.len() as u32).filter(|i| !hidden(*i as usize)).collect();
+    for scan in 0..10 {
+        formats::write(&scans.join(format!("{scan}.ply")), &cloud.select(&seen))?;
+    }
+    let reported = |without_own_vehicle: bool| -> anyhow::Result<f64> {
+        Ok(exported::score(&onnx, &scans, Asked { without_own_vehicle, columns: None })?.keep_share)
+    };
+    assert!(reported(true)? > reported(false)? + 1e-3, "{} {}", reported(true)?, reported(false)?);
     Ok(())
 }
 

@@ -162,6 +162,7 @@ fn whoever_has_a_teacher_and_a_game_begins_with_its_weights() -> Fact {
         let mut config = config(method, "steps = 1\ncheckpoint_every = 1\nsamples_every = 0")?;
         // So small a step leaves the network as it was.
         config.schedule.learning_rate = 1e-12;
+        config.generator.gain = 1.0;
         train(&config, &run(&format!("{method}-alone")))?;
         let begun = config.clone().with_teacher(Some(run("pretrained").out))?;
         train(&begun, &run(method))?;

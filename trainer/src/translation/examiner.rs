@@ -115,9 +115,13 @@ mod tests {
         let examiner = Examiner::new(domain(5.0), domain(9.0));
         let alone = examiner.validate(&PassThrough);
         let twins = Disguise::default().put_on_all(&domain(9.0).images);
-        let with_twins = examiner.with_twins(twins).validate(&PassThrough);
+        let examiner = examiner.with_twins(twins);
+        let with_twins = examiner.validate(&PassThrough);
         assert_eq!((alone.curves.len(), with_twins.curves.len()), (3, 5));
         // Whoever changes no reflectance errs as much as who knows nothing, and whoever is sure that every ray returns errs more.
         assert!(with_twins.total > alone.total + 2.0, "{} {}", with_twins.total, alone.total);
+        let twins_alone = examiner.of_twins_alone().validate(&PassThrough);
+        assert_eq!(twins_alone.curves, with_twins.curves);
+        assert!((twins_alone.total - (with_twins.total - alone.total)).abs() < 1e-9, "{}", twins_alone.total);
     }
 }

@@ -93,7 +93,8 @@ pub fn approach(config: &TranslationConfig, setting: Setting, device: &Device) -
 fn begin(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Resnet> {
     let Some(run) = &config.teacher else { return Ok(setting.generator.init(device)) };
     let begun = teacher(config)?;
-    let (expected, found) = (config.generator, begun.config);
+    // How large weights began is over.
+    let (expected, found) = (config.generator, ResnetConfig { gain: config.generator.gain, ..begun.config });
     ensure!(
         found == expected,
         "teacher {}: to begin with its weights takes the same network; it is\n{found:?}\nexpected\n{expected:?}",
