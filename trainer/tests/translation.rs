@@ -8,10 +8,12 @@ use burn::tensor::{Device, Tensor, s};
 use lidar::RangeImage;
 use toy::{COLUMNS, FAR_M, Fact, config, measured, walls};
 use trainer::network::resnet::IMAGE_CHANNELS;
-use trainer::translation::method::{Setting, Step, approach};
+use trainer::train::Parts;
+use trainer::translation::losses::Judged;
+use trainer::translation::method::{Approach, Setting, Step, approach};
 use trainer::translation::sampler::scans;
-use trainer::translation::twins::Disguise;
-use trainer::translation::{Domain, Sampler};
+use trainer::translation::twins::{Disguise, Twins};
+use trainer::translation::{Domain, Sampler, TranslationConfig};
 
 /// After so many steps, games are judged.
 const STEPS: usize = 160;
@@ -26,26 +28,29 @@ fn keeps(answer: &[f32], image: &RangeImage) -> (f32, f32) {
     (mean(false), mean(true))
 }
 
-/// The probabilities after so many steps, from random weights of a start's own, twins weighing so much.
-fn learned(method: &str, twins: f64, start: u64, steps: usize) -> Result<(f32, f32), Box<dyn std::error::Error>> {
+/// A config's method with random weights of a start's own.
+fn begun(
+    config: &TranslationConfig,
+    start: u64,
+    device: &Device,
+) -> Result<Box<dyn Approach>, Box<dyn std::error::Error>> {
     /// The device's random numbers are everybody's.
     static STARTS: Mutex<()> = Mutex::new(());
-    let mut config = config(method, "")?;
-    config.losses.twins = twins;
-    let device = Device::flex().autodiff();
     let setting = Setting {
         generator: config.training_generator()?,
         reporting: config.reporting()?,
         losses: config.losses,
         image_numbers: IMAGE_CHANNELS * 16 * COLUMNS,
     };
-    let mut learner = {
-        let _alone = STARTS.lock().unwrap_or_else(PoisonError::into_inner);
-        device.seed(start);
-        approach(&config, setting, &device)?.ok_or("it plays against nobody")?
-    };
+    let _alone = STARTS.lock().unwrap_or_else(PoisonError::into_inner);
+    device.seed(start);
+    approach(config, setting, device)?.ok_or_else(|| "it plays against nobody".into())
+}
+
+/// Scans of both domains for a config's method.
+fn sampler(config: &TranslationConfig) -> Sampler {
     let domain = |images: Vec<RangeImage>| Domain { images, datasets: vec![] };
-    let sampler = Sampler {
+    Sampler {
         simulated: domain((0..20).map(walls).collect()),
         real: domain((100..120).map(measured).collect()),
         seed: 1,
@@ -53,16 +58,30 @@ fn learned(method: &str, twins: f64, start: u64, steps: usize) -> Result<(f32, f
         crop_columns: COLUMNS,
         augmentation: config.augmentation,
         disguise: config.has_twins().then(Disguise::default),
-    };
-    let coding = setting.reporting.coding;
+    }
+}
+
+/// What a step is shown.
+fn step(config: &TranslationConfig, sampler: &Sampler, number: usize, device: &Device) -> Result<Step, anyhow::Error> {
+    let coding = config.reporting()?.coding;
+    let pair = sampler.pair(number, device);
+    let [simulated, real] = [pair.simulated, pair.real].map(|scan| coding.view(&scan));
+    let twins = sampler.twins(number, coding, device);
+    Ok(Step { simulated, real, twins, seed: 1, number, rate: config.schedule.rate(number) })
+}
+
+/// The probabilities after so many steps, from random weights of a start's own, twins weighing so much.
+fn learned(method: &str, twins: f64, start: u64, steps: usize) -> Result<(f32, f32), Box<dyn std::error::Error>> {
+    let mut config = config(method, "")?;
+    config.losses.twins = twins;
+    let device = Device::flex().autodiff();
+    let mut learner = begun(&config, start, &device)?;
+    let sampler = sampler(&config);
     for number in 0..steps {
-        let pair = sampler.pair(number, &device);
-        let [simulated, real] = [pair.simulated, pair.real].map(|scan| coding.view(&scan));
-        let twins = sampler.twins(number, coding, &device);
-        learner.step(&Step { simulated, real, twins, seed: 1, number, rate: config.schedule.rate(number) });
+        learner.step(&step(&config, &sampler, number, &device)?);
     }
     let image = walls(1000);
-    let view = coding.view(&scans(std::slice::from_ref(&image), &device));
+    let view = config.reporting()?.coding.view(&scans(std::slice::from_ref(&image), &device));
     let logit: Tensor<4> = learner.generator().forward(view.image, &view.condition).keep_logit;
     let keep: Vec<f32> = burn::tensor::activation::sigmoid(logit).slice(s![0..1]).into_data().iter::<f32>().collect();
     Ok(keeps(&keep, &image))
@@ -99,6 +118,38 @@ fn twins_say_how_many_rays_are_lost() -> Fact {
             );
         }
     }
+    Ok(())
+}
+
+/// Of both kinds of answers alike, each beside what was measured in such places.
+#[test]
+fn a_discriminator_judges_answers_to_twins_as_well_where_that_is_asked_for() -> Fact {
+    let mut config = config("cls2r", "")?;
+    config.losses.twins = 1.0;
+    // So that nothing about an answer is drawn.
+    config.ray_drop = false;
+    let device = Device::flex().autodiff();
+    let both = step(&config, &sampler(&config), 0, &device)?;
+    let Some(Twins { shown, measured, .. }) = both.twins.clone() else { return Err("no twins".into()) };
+    let twins_alone = Step { simulated: shown, real: measured, ..both.clone() };
+    // To begin with it knows nothing, and says the same of everything.
+    let mut knowing = begun(&config, 1, &device)?;
+    for _ in 0..8 {
+        knowing.step(&both);
+    }
+    let mut known = Parts::default();
+    knowing.save(&mut known)?;
+    let mut loss = |judged: Judged, step: &Step| -> Result<f32, Box<dyn std::error::Error>> {
+        config.losses.judged = judged;
+        let mut method = begun(&config, 1, &device)?;
+        method.load(&known)?;
+        let losses = method.step(step);
+        Ok(losses.iter().find(|(name, _)| *name == "discriminator").ok_or("no discriminator")?.1)
+    };
+    let simulated = loss(Judged::Simulated, &both)?;
+    let (twins, both) = (loss(Judged::Simulated, &twins_alone)?, loss(Judged::WithTwins, &both)?);
+    assert!((simulated - twins).abs() > 1e-3, "{simulated} {twins}");
+    assert!((both - (simulated + twins) / 2.0).abs() < 1e-4, "{both} of {simulated} and {twins}");
     Ok(())
 }
 

@@ -9,6 +9,7 @@ pub mod patch_gan;
 pub mod patch_nce;
 pub mod range_code;
 pub mod ray_drop;
+mod relief;
 mod residual;
 pub mod resnet;
 mod unet;

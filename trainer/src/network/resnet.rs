@@ -15,6 +15,7 @@ use super::border::Border;
 use super::encoder::{Encoded, Encoder};
 use super::layers::{CUTS_GAIN, conv};
 use super::norm::NormKind;
+use super::relief::{RELIEF_CHANNELS, with_relief};
 use super::residual::{Block, Stage};
 
 /// Channels of what the generator is given and gives: range code and reflectance, −1 to 1; it gives a logit of the ray drop besides.
@@ -46,6 +47,9 @@ pub struct ResnetConfig {
     /// Whether what is halved on the image's way down is added again on the way up, as in `LinkNet` (Chaurasia and Culurciello, 2017). The
     /// papers' networks have to pass all that they know of details through a quarter of the image's size.
     pub details: bool,
+    /// Whether the network is told beside range code and reflectance how steep surfaces are to the rays that hit them; the papers' have to
+    /// find out. It takes a code for rays without a return that no return has, −1.
+    pub relief: bool,
     /// What the last layer says.
     pub output: Output,
     /// The most that a [correction](Output::Correction) changes a range code by: 0.01 of the logarithmic code are 2.4 % of r + 1 m where a
@@ -75,6 +79,7 @@ impl Default for ResnetConfig {
             condition: true,
             rings: 0,
             details: false,
+            relief: false,
             output: Output::Whole,
             range_reach: 1.0,
         }
@@ -94,6 +99,8 @@ pub struct Resnet {
     border: Border,
     #[module(skip)]
     details: bool,
+    #[module(skip)]
+    relief: bool,
     #[module(skip)]
     output: Output,
     #[module(skip)]
@@ -132,7 +139,7 @@ impl ResnetConfig {
     pub fn init(&self, device: &Device) -> Resnet {
         let (width, joined) = (self.width, self.joined());
         Resnet {
-            image: Encoder::new(self, IMAGE_CHANNELS, device),
+            image: Encoder::new(self, IMAGE_CHANNELS + if self.relief { RELIEF_CHANNELS } else { 0 }, device),
             condition: self.condition.then(|| Encoder::new(self, 1, device)),
             rings: (self.rings > 0).then(|| Rings::new(self, device)),
             blocks: (joined..self.blocks).map(|_| Block::new(self, device)).collect(),
@@ -140,6 +147,7 @@ impl ResnetConfig {
             head: conv([width, IMAGE_CHANNELS + 1], 7, 0, CUTS_GAIN, device),
             border: self.border,
             details: self.details,
+            relief: self.relief,
             output: self.output,
             range_reach: self.range_reach,
         }
@@ -218,6 +226,7 @@ impl Resnet {
     /// passed on the way are appended to `seen`.
     fn latent(&self, image: Tensor<4>, condition: &Tensor<4>, seen: &mut Vec<Tensor<4>>) -> Encoded {
         let rings = self.rings.as_ref().map(|rings| rings.stem.val());
+        let image = if self.relief { with_relief(image, self.border) } else { image };
         let Encoded { latent: x, details } = self.image.forward(image, rings, self.border, seen);
         let x = match &self.condition {
             None => x,

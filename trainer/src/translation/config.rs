@@ -248,6 +248,10 @@ impl TranslationConfig {
         );
         let reach = self.generator.range_reach;
         ensure!(reach > 0.0 && reach <= 2.0, "generator.range_reach is {reach}, expected more than 0, at most 2");
+        ensure!(
+            !self.generator.relief || self.unreported == Unreported::MinusOne,
+            "generator.relief: rays without a return have to differ from all returns; expected unreported = \"minus_one\""
+        );
         let d = &self.discriminator;
         for (name, gain) in [("generator", self.generator.gain), ("discriminator", d.gain)] {
             ensure!(gain > 0.0 && gain <= 10.0, "{name}.gain is {gain}, expected more than 0, at most 10");
@@ -320,6 +324,7 @@ mod tests {
             ("ray_drop = false\n[losses]\ntwins = 1.0", "only cls2r with ray drop"),
             ("attenuation_per_m = -0.1", "attenuation_per_m is -0.1"),
             ("[generator]\nrings = 32", "generator.rings is 32"),
+            ("unreported = \"zero\"\n[generator]\nrelief = true", "expected unreported = \"minus_one\""),
             ("[generator]\ngain = 0.0", "generator.gain is 0"),
             ("[discriminator]\ngain = 11.0", "discriminator.gain is 11"),
             ("[generator]\nwidht = 3", "widht"),

@@ -4,6 +4,18 @@ use serde::{Deserialize, Serialize};
 
 use super::game::Game;
 
+/// Whose answers CLS2R's discriminator judges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Judged {
+    /// Those to simulated scans.
+    #[default]
+    Simulated,
+    /// Those to twins as well, beside what was measured there: Isola et al., "Image-to-image translation with conditional adversarial
+    /// networks" (2017), has pairs judged so. There, places are no way to tell answers from real scans; only the sensor is.
+    WithTwins,
+}
+
 /// Weights of the losses; each method takes those that it knows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -28,6 +40,8 @@ pub struct Losses {
     /// CLS2R, beyond the paper: real scans that were made to look simulated should become themselves again. Nothing else that is learned
     /// from says which ray is lost.
     pub twins: f64,
+    /// CLS2R with twins: whether they are judged as well.
+    pub judged: Judged,
     /// Beside the cross entropy of the keep mask, the mean absolute error of the reflectance (`unet`), of its code (`distil`, `twins`).
     pub reflectance: f32,
     /// The same of ln(r + 1) (`unet`), of the range code (`distil`, `twins`).
@@ -46,6 +60,7 @@ impl Default for Losses {
             identity: 5.0,
             pool: 50,
             twins: 0.0,
+            judged: Judged::default(),
             reflectance: 4.0,
             range: 2.0,
         }

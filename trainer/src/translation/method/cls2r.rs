@@ -9,6 +9,7 @@ use super::{Approach, Miss, Setting, Step, begin, value};
 use crate::network::{PatchGan, PatchHeads, Places, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
+use crate::translation::losses::Judged;
 use crate::translation::sampler::Chance;
 use crate::translation::view::View;
 
@@ -45,18 +46,26 @@ impl Approach for Cls2r {
         let (generated, asked) = generator.forward_with_features(shown.image, &shown.condition);
         let miss = step.twins.as_ref().map(|twins| Miss::of_twins(generated.scans(scans..2 * scans), twins));
         let answered = reporting.answer(generated.scans(0..scans), step.simulated.returned.clone(), step.uniform(0));
+        let (mut answers, mut measured) = (vec![answered.image.clone()], vec![step.real.image.clone()]);
+        if let (Some(twins), Judged::WithTwins) = (&step.twins, losses.judged) {
+            let answer =
+                reporting.answer(generated.scans(scans..2 * scans), twins.shown.returned.clone(), step.uniform(2));
+            answers.push(answer.image);
+            measured.push(twins.measured.image.clone());
+        }
+        let (answers, measured) = (Tensor::cat(answers, 0), Tensor::cat(measured, 0));
         let asked: Vec<Tensor<4>> = asked.into_iter().map(|features| features.slice(s![0..scans])).collect();
         let (generated, real) = generator.forward_with_features(step.real.image.clone(), &step.real.condition);
         let same = reporting.answer(generated, step.real.returned.clone(), step.uniform(1));
 
         let judge = &self.discriminator.network;
-        let judged = (judge.forward(step.real.image.clone()), judge.forward(answered.image.clone().detach()));
+        let judged = (judge.forward(measured), judge.forward(answers.clone().detach()));
         let discriminator = losses.game.discriminator(judged.0, judged.1);
         let mut gradients = discriminator.backward();
         self.discriminator.step(step.rate, &mut gradients);
 
         let judge = self.discriminator.network.clone().no_grad();
-        let game = losses.game.generator(judge.forward(answered.image.clone()));
+        let game = losses.game.generator(judge.forward(answers));
         let mut rng = Chance::Places.of(step.seed, step.number);
         let mut contrast = |answer, view: &View, question| {
             let features = generator.features(answer, &view.condition);
