@@ -149,7 +149,7 @@ fn a_discriminator_judges_answers_to_twins_as_well_where_that_is_asked_for() -> 
     let simulated = loss(Judged::Simulated, &both)?;
     let (twins, both) = (loss(Judged::Simulated, &twins_alone)?, loss(Judged::WithTwins, &both)?);
     assert!((simulated - twins).abs() > 1e-3, "{simulated} {twins}");
-    assert!((both - (simulated + twins) / 2.0).abs() < 1e-4, "{both} of {simulated} and {twins}");
+    assert!((both - f32::midpoint(simulated, twins)).abs() < 1e-4, "{both} of {simulated} and {twins}");
     Ok(())
 }
 

@@ -10,6 +10,7 @@ use lidar::{Sensor, formats};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 use toy::{COLUMNS, Fact, config, measured, walls};
+use trainer::export;
 use trainer::generator::Answer;
 use trainer::realness::Protocol;
 use trainer::segmentation::weights::SegmentationCard;
@@ -60,6 +61,26 @@ fn a_run_leaves_a_network_its_scores_its_log_and_pictures() -> Fact {
         let newest = checkpoint::newest(&run.out)?.ok_or("no checkpoint")?;
         assert!(newest.ends_with("checkpoint-0000004"));
     }
+    Ok(())
+}
+
+/// [`export::export`] lets no file out that does not answer as Burn does.
+#[test]
+fn what_a_network_is_told_besides_is_part_of_its_file() -> Fact {
+    let root = tempfile::tempdir()?;
+    write_domains(root.path())?;
+    let mut squashed = vec![];
+    for (details, relief) in [(false, false), (true, true)] {
+        let mut config = config("cls2r", "steps = 1\ncheckpoint_every = 1\nsamples_every = 0")?;
+        (config.generator.details, config.generator.relief) = (details, relief);
+        let run = Run { out: root.path().join(format!("run-{relief}")), ..run(root.path()) };
+        train(&config, &run)?;
+        let (onnx, card) = export::export(&run.out, root.path())?;
+        assert_eq!(card.column_multiple, 4);
+        squashed.push(onnx.windows(4).filter(|op| op == b"Tanh").count());
+    }
+    // The two slopes of the relief are, beside the correction of the range.
+    assert!(squashed[1] > squashed[0], "{squashed:?}");
     Ok(())
 }
 
@@ -343,8 +364,10 @@ fn the_papers_rows_are_valid_configs_on_one_budget() -> Fact {
         assert_eq!(paper.generator.condition, small.generator.condition, "{name}");
         assert!(small.schedule.steps < paper.schedule.steps, "{name}");
     }
-    TranslationConfig::read(&folder.join("small/hdl64e-cls2r.toml"))?;
-    for name in ["table", "table-carla", "table-gain"] {
+    for name in ["hdl64e-cls2r", "relief"] {
+        TranslationConfig::read(&folder.join("small").join(name).with_extension("toml"))?;
+    }
+    for name in ["table", "table-carla"] {
         Table::read(&folder.join("small").join(name).with_extension("toml"))?;
     }
     Ok(())

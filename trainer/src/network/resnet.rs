@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn turning_the_sensor_turns_the_answer() {
         let device = Device::flex();
-        let network = ResnetConfig { details: true, ..small(Border::Turn) }.init(&device);
+        let network = ResnetConfig { details: true, relief: true, ..small(Border::Turn) }.init(&device);
         let (image, condition) = scan(&device);
         let turn =
             |x: Tensor<4>| Tensor::cat(vec![x.clone().slice(s![.., .., .., 8..64]), x.slice(s![.., .., .., 0..8])], 3);
