@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::answer::Reporting;
 use super::augment::Augmentation;
 use super::domain::Grid;
-use super::losses::Losses;
+use super::losses::{Judged, Losses};
 use super::schedule::Schedule;
 use super::view::{Coding, Unreported};
 use crate::backend::Backend;
@@ -240,6 +240,10 @@ impl TranslationConfig {
             twins == 0.0 || (twins > 0.0 && twins.is_finite() && self.method == Method::Cls2r && self.ray_drop),
             "losses.twins is {twins}: only cls2r with ray drop learns from twins, which weigh 0 or more"
         );
+        ensure!(
+            self.losses.judged == Judged::Simulated || twins > 0.0,
+            "losses.judged = \"with_twins\": there are none; expected losses.twins above 0"
+        );
         self.served()?;
         let told_apart = self.generator.rings;
         ensure!(
@@ -322,6 +326,7 @@ mod tests {
             ("[losses]\npatches = 1", "patches"),
             ("[losses]\ntwins = -1.0", "losses.twins is -1"),
             ("ray_drop = false\n[losses]\ntwins = 1.0", "only cls2r with ray drop"),
+            ("[losses]\njudged = \"with_twins\"", "expected losses.twins above 0"),
             ("attenuation_per_m = -0.1", "attenuation_per_m is -0.1"),
             ("[generator]\nrings = 32", "generator.rings is 32"),
             ("unreported = \"zero\"\n[generator]\nrelief = true", "expected unreported = \"minus_one\""),
