@@ -12,6 +12,7 @@ pub mod ray_drop;
 mod relief;
 mod residual;
 pub mod resnet;
+mod rings;
 mod unet;
 
 use burn::tensor::Tensor;

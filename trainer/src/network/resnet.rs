@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use burn::module::{Module, Param};
+use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, s};
 use serde::{Deserialize, Serialize};
@@ -17,6 +17,7 @@ use super::layers::{CUTS_GAIN, conv};
 use super::norm::NormKind;
 use super::relief::{RELIEF_CHANNELS, with_relief};
 use super::residual::{Block, Stage};
+use super::rings::Rings;
 
 /// Channels of what the generator is given and gives: range code and reflectance, −1 to 1; it gives a logit of the ray drop besides.
 pub const IMAGE_CHANNELS: usize = 2;
@@ -105,15 +106,6 @@ pub struct Resnet {
     output: Output,
     #[module(skip)]
     range_reach: f32,
-}
-
-/// What makes ring 7 differ from ring 8: lasers differ in power, receivers in gain.
-#[derive(Module, Debug)]
-struct Rings {
-    /// Added to the features of the first convolution, `[1, channel, ring, 1]`.
-    stem: Param<Tensor<4>>,
-    /// Added to what the last one says, `[1, channel, ring, 1]`.
-    head: Param<Tensor<4>>,
 }
 
 /// What a generator makes of a scan.
@@ -241,16 +233,10 @@ impl Resnet {
     }
 }
 
-impl Rings {
-    fn new(config: &ResnetConfig, device: &Device) -> Self {
-        let zeros = |channels| Param::from_tensor(Tensor::zeros([1, channels, config.rings, 1], device));
-        Self { stem: zeros(config.width), head: zeros(IMAGE_CHANNELS + 1) }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use burn::module::Param;
     use burn::tensor::Distribution;
 
     fn small(border: Border) -> ResnetConfig {
