@@ -1,6 +1,6 @@
 """The service that a user would write in Python: FastAPI, numpy, onnxruntime, on the same model.onnx and the same kind of body.
 
-    MODEL=models/hdl64e/1/model.onnx THREADS=2 uvicorn peer:app --app-dir benches/peer --port 8090
+    MODEL=models/hdl64e/2/model.onnx THREADS=2 uvicorn peer:app --app-dir benches/peer --port 8090
 
 POST /v1/scan takes float32 x, y, z, intensity and returns the same; the header x-infer-ms tells the model's own run.
 """

@@ -1,10 +1,23 @@
 //! Ray drop: which rays the sensor reports, decided by a counter-based generator.
 //!
 //! Every number is a word of the `ChaCha8` key stream: the key is the seed, the stream is (channel, ring), the word's position is the
-//! column. A ray's number therefore depends on (seed, channel, ring, column) alone, never on batch, order or threads.
+//! column. A ray's number therefore depends on (seed, channel, ring, column) alone, never on batch, order or threads. Where rays are lost
+//! in [`Bursts`], a ray may take over the number of the one beside it, which is as little a matter of chance.
+
+mod bursts;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::range_image::RangeImage;
+
+pub use bursts::{Burst, Bursts, BurstsError, MAX_BURSTS};
+
+/// Decides ray drop; channels 1… are the model's `noise` input.
+const DROP: u32 = 0;
+
+/// Decides which rays take over another's number; far beyond the channels of any model.
+const TAKE_OVER: u32 = u32::MAX;
 
 /// Fills `out` (`[ring, column]`, row-major) with independent uniform numbers in [0, 1), multiples of 2⁻²⁴.
 ///
@@ -23,12 +36,35 @@ pub fn uniform(seed: u64, channel: u32, columns: usize, out: &mut [f32]) {
     }
 }
 
-/// Decides each ray: `keep[i]` becomes true where u < `probability[i]`. Shapes `[ring, column]`; `scratch` holds u afterwards.
-pub fn sample(seed: u64, columns: usize, probability: &[f32], scratch: &mut Vec<f32>, keep: &mut Vec<bool>) {
-    scratch.resize(probability.len(), 0.0);
-    uniform(seed, 0, columns, scratch);
-    keep.clear();
-    keep.extend(scratch.iter().zip(probability).map(|(u, p)| u < p));
+/// Decides which rays are reported; keeps its memory from scan to scan.
+#[derive(Clone, Debug, Default)]
+pub struct RayDrop {
+    bursts: Bursts,
+    column_deg: f64,
+    numbers: Vec<f32>,
+    taken_over: Vec<f32>,
+}
+
+impl RayDrop {
+    /// Rays are lost in these bursts; neighbouring columns lie `column_deg` apart.
+    pub fn new(bursts: Bursts, column_deg: f64) -> Self {
+        Self { bursts, column_deg, ..Self::default() }
+    }
+
+    /// Decides each ray of a simulated scan: `keep[i]` becomes true where u < `probability[i]`, both `[ring, column]`. Rays that have a
+    /// return in the simulation share their u in bursts; what a sensor reports without one is decided ray by ray.
+    pub fn sample(&mut self, seed: u64, simulated: &RangeImage, probability: &[f32], keep: &mut Vec<bool>) {
+        let columns = simulated.columns();
+        self.numbers.resize(probability.len(), 0.0);
+        uniform(seed, DROP, columns, &mut self.numbers);
+        if !self.bursts.is_empty() {
+            self.taken_over.resize(probability.len(), 0.0);
+            uniform(seed, TAKE_OVER, columns, &mut self.taken_over);
+            self.bursts.share(columns, self.column_deg, simulated.range_m(), &self.taken_over, &mut self.numbers);
+        }
+        keep.clear();
+        keep.extend(self.numbers.iter().zip(probability).map(|(u, p)| u < p));
+    }
 }
 
 #[cfg(test)]
@@ -61,21 +97,80 @@ mod tests {
         assert!((correlation(&base, &base) - 1.0).abs() < 0.05);
     }
 
-    #[test]
-    fn certain_rays_are_certain() {
-        let (mut u, mut keep) = (Vec::new(), Vec::new());
-        sample(7, 512, &[1.0; 1024], &mut u, &mut keep);
-        assert!(keep.iter().all(|k| *k));
-        sample(7, 512, &[0.0; 1024], &mut u, &mut keep);
-        assert!(keep.iter().all(|k| !*k));
+    /// Rays that all hit something.
+    fn wall(rings: usize, columns: usize) -> RangeImage {
+        let pixels = rings * columns;
+        RangeImage::from_channels(columns, vec![9.0; pixels], vec![0.5; pixels], vec![0; pixels])
+    }
+
+    fn kept(bursts: Bursts, probability: f32, simulated: &RangeImage, seed: u64) -> Vec<bool> {
+        let mut keep = Vec::new();
+        let column_deg = 360.0 / simulated.columns() as f64;
+        RayDrop::new(bursts, column_deg).sample(
+            seed,
+            simulated,
+            &vec![probability; simulated.range_m().len()],
+            &mut keep,
+        );
+        keep
+    }
+
+    fn two_lengths() -> Result<Bursts, BurstsError> {
+        Bursts::new(vec![Burst { share: 0.3, azimuth_deg: 0.4 }, Burst { share: 0.2, azimuth_deg: 6.0 }])
     }
 
     #[test]
-    fn the_kept_share_is_the_probability() {
-        let (mut u, mut keep) = (Vec::new(), Vec::new());
-        sample(3, 2048, &vec![0.3; 64 * 2048], &mut u, &mut keep);
-        let share = keep.iter().filter(|k| **k).count() as f64 / keep.len() as f64;
-        // Standard deviation √(0.3·0.7/131072) = 0.0013; five of them.
-        assert!((share - 0.3).abs() < 0.0063, "{share}");
+    fn certain_rays_are_certain() -> Result<(), BurstsError> {
+        for bursts in [Bursts::default(), two_lengths()?] {
+            assert!(kept(bursts.clone(), 1.0, &wall(2, 512), 7).iter().all(|k| *k));
+            assert!(kept(bursts, 0.0, &wall(2, 512), 7).iter().all(|k| !*k));
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_kept_share_is_the_probability() -> Result<(), BurstsError> {
+        // Standard deviation √(0.3·0.7/131072) = 0.0013; in bursts of 0.3 · 2.3 + 0.2 · 34 columns to either side four times as much. Five of them.
+        for (bursts, tolerance) in [(Bursts::default(), 0.0063), (two_lengths()?, 0.026)] {
+            let keep = kept(bursts, 0.3, &wall(64, 2048), 3);
+            let share = keep.iter().filter(|k| **k).count() as f64 / keep.len() as f64;
+            assert!((share - 0.3).abs() < tolerance, "{share}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn rays_are_lost_together_as_often_as_the_bursts_say() -> Result<(), BurstsError> {
+        let (rings, columns, lost) = (512, 1800, 0.1);
+        let keep = kept(two_lengths()?, 1.0 - lost as f32, &wall(rings, columns), 11);
+        for lag in [1, 2, 5, 30, 120] {
+            let pairs = keep.chunks(columns).flat_map(|row| row.iter().zip(&row[lag..]));
+            let both = pairs.filter(|(a, b)| !**a && !**b).count() as f64 / (rings * (columns - lag)) as f64;
+            let together = (both - lost * lost) / (lost - lost * lost);
+            let expected = two_lengths()?.together(0.2 * lag as f64);
+            assert!((together - expected).abs() < 0.012, "{lag}: {together}, expected {expected}");
+        }
+        // Nothing hangs together from ring to ring.
+        let pairs = keep.iter().zip(&keep[columns..]);
+        let both = pairs.filter(|(a, b)| !**a && !**b).count() as f64 / ((rings - 1) * columns) as f64;
+        assert!((both - lost * lost).abs() < 0.001, "{both}");
+        Ok(())
+    }
+
+    #[test]
+    fn a_turn_begins_where_its_columns_do_and_a_rays_fate_depends_on_no_ring_below() -> Result<(), BurstsError> {
+        let (small, large) = (kept(two_lengths()?, 0.8, &wall(2, 256), 5), kept(two_lengths()?, 0.8, &wall(5, 256), 5));
+        assert_eq!(small, large[..512]);
+        Ok(())
+    }
+
+    #[test]
+    fn rays_without_a_simulated_return_are_decided_one_by_one() -> Result<(), BurstsError> {
+        let mut simulated = wall(4, 1024);
+        (0..2048).for_each(|i| simulated.remove(i));
+        let (alone, shared) = (kept(Bursts::default(), 0.5, &simulated, 9), kept(two_lengths()?, 0.5, &simulated, 9));
+        assert_eq!(alone[..2048], shared[..2048]);
+        assert_ne!(alone[2048..], shared[2048..]);
+        Ok(())
     }
 }

@@ -66,7 +66,8 @@
 //!
 //! # Files that exist already
 //!
-//! [`Composition`] makes one file of two, the second taking what the first gives; [`cut`](cut()) and [`base_of`] take such a file apart.
+//! [`Composition`] makes one file of two, the second taking what the first gives; [`cut`](cut()) and [`base_of`] take such a file apart;
+//! [`with_metadata`] changes what a file says about itself.
 
 mod axis;
 mod boundary;
@@ -79,6 +80,7 @@ mod file;
 mod graph;
 mod linear;
 mod lower;
+mod metadata;
 mod norm;
 mod proto;
 mod trace;
@@ -91,3 +93,4 @@ pub use cut::{base_of, cut};
 pub use error::{Error, Refusal};
 pub use exporter::Exporter;
 pub use file::{FileError, MAX_FILE_BYTES};
+pub use metadata::with_metadata;

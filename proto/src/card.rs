@@ -1,6 +1,7 @@
 //! The model card: everything about a model that its tensors do not say, one JSON document inside `model.onnx`.
 
 use lidar::Sensor;
+use lidar::ray_drop::Bursts;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -60,6 +61,9 @@ pub struct Card {
     /// graph says of such rays is nothing that a sensor reports.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub adds_returns: bool,
+    /// How lost rays hang together along their ring; where nothing is said, every ray is decided for itself.
+    #[serde(default, skip_serializing_if = "Bursts::is_empty")]
+    pub drop_bursts: Bursts,
     /// Names of the classes, by the index that the class channel of `scan` takes.
     pub classes: Vec<String>,
     /// Sensor effects in the graph, in the order in which they act.
@@ -184,6 +188,7 @@ mod tests {
             column_multiple: 8,
             noise_channels: 0,
             adds_returns: false,
+            drop_bursts: Bursts::default(),
             classes: vec!["unlabelled".into()],
             effects: vec![],
             trained_on: vec![],

@@ -33,6 +33,7 @@ pub fn describe(model: &Model) -> String {
     }
     list(&mut text, "input", &model.inputs, ToString::to_string);
     list(&mut text, "output", &model.outputs, ToString::to_string);
+    list(&mut text, "ray drop", card.drop_bursts.as_slice(), ToString::to_string);
     list(&mut text, "effect", &card.effects, effect);
     list(&mut text, "learned", &card.trained_on, dataset);
     list(&mut text, "score", &card.scores, score);

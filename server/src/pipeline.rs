@@ -161,7 +161,7 @@ impl Pipeline {
             model: Arc::clone(model),
             projection: Projection::default(),
             generator,
-            sampled: Sampled::default(),
+            sampled: Sampled::new(&model.card),
             realistic: PointCloud::default(),
         })
     }

@@ -1,7 +1,8 @@
 //! What the sensor reports of each ray: the model's outputs, checked, with ray drop decided.
 
-use lidar::{Measured, RangeImage, ray_drop};
-use proto::card::tensor;
+use lidar::ray_drop::RayDrop;
+use lidar::{Measured, RangeImage};
+use proto::card::{Card, tensor};
 use thiserror::Error;
 
 use crate::generator::{InferenceError, Outputs};
@@ -12,7 +13,7 @@ pub(crate) struct Sampled {
     range_m: Vec<f32>,
     reflectance: Vec<f32>,
     keep: Vec<bool>,
-    scratch: Vec<f32>,
+    ray_drop: RayDrop,
 }
 
 /// A model that gave no number for a ray whose outputs count.
@@ -35,6 +36,12 @@ pub(crate) enum SampleError {
 }
 
 impl Sampled {
+    /// Draws what a model of this card says.
+    pub(crate) fn new(card: &Card) -> Self {
+        let ray_drop = RayDrop::new(card.drop_bursts.clone(), 360.0 / card.sensor.columns() as f64);
+        Self { ray_drop, ..Self::default() }
+    }
+
     /// Takes the outputs over. A ray is kept if the simulated scan has a return there or the model `adds_returns`, u < `keep`, and the
     /// model's range is finite and positive; its reflectance is held to 0–1. What a model that adds none says about rays without a
     /// return is ignored.
@@ -47,7 +54,7 @@ impl Sampled {
     ) -> Result<(), SampleError> {
         let (range_m, reflectance) = (outputs.of(tensor::RANGE)?, outputs.of(tensor::REFLECTANCE)?);
         let probability = outputs.of(tensor::KEEP)?;
-        ray_drop::sample(seed, image.columns(), probability, &mut self.scratch, &mut self.keep);
+        self.ray_drop.sample(seed, image, probability, &mut self.keep);
         self.range_m.clear();
         self.range_m.extend_from_slice(range_m);
         self.reflectance.clear();

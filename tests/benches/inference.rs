@@ -16,7 +16,7 @@ fn main() {
     divan::main();
 }
 
-#[divan::bench(args = ["hdl64e/1", "hdl32e/1", "hdl64e-cls2r/2"])]
+#[divan::bench(args = ["hdl64e/2", "hdl32e/2", "hdl64e-cls2r/3"])]
 fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
     let (mut session, rings, scan) = prepare(model).expect("the model runs");
     bencher.counter(divan::counter::ItemsCount::new(rings * COLUMNS)).bench_local(|| {

@@ -104,6 +104,7 @@ fn card(sensor: &Sensor) -> Card {
         column_multiple: COLUMNS,
         noise_channels: NOISE_CHANNELS,
         adds_returns: true,
+        drop_bursts: lidar::ray_drop::Bursts::default(),
         classes: vec![],
         effects: vec![],
         trained_on: vec![],

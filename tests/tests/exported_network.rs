@@ -31,6 +31,7 @@ fn card() -> Result<Card, Box<dyn std::error::Error>> {
         column_multiple: trainer::network::COLUMN_MULTIPLE,
         noise_channels: 0,
         adds_returns: false,
+        drop_bursts: lidar::ray_drop::Bursts::default(),
         classes: vec![],
         effects: vec![],
         trained_on: vec![],

@@ -39,6 +39,8 @@ enum Command {
     Evaluate(runs::EvaluateArgs),
     /// Score an exported model ray by ray, on real scans that are made to look simulated, beside doing nothing.
     Score(runs::ScoreArgs),
+    /// Measure on real scans how lost rays hang together along their ring, beside what an exported model says of each.
+    Bursts(runs::BurstsArgs),
     /// Judge scans that somebody made against scans that a sensor took: how real they look, and how true they are to their simulation.
     Compare(CompareArgs),
     /// Train and score the segmentation network by whose features scans are compared.
@@ -114,6 +116,7 @@ impl Cli {
             Command::Train(args) => args.run()?,
             Command::Evaluate(args) => println!("{}", args.table()?),
             Command::Score(args) => println!("{}", args.table()?),
+            Command::Bursts(args) => args.run()?,
             Command::Compare(args) => args.run()?,
             Command::Segment(args) => args.run()?,
             Command::Export(args) => args.run()?,

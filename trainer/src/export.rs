@@ -10,6 +10,7 @@ use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use lidar::Sensor;
 use lidar::label::CLASS_NAMES;
+use lidar::ray_drop::Bursts;
 use onnx::{Axis, Exporter};
 use proto::card::{Card, METADATA_KEY, SCHEMA, tensor};
 
@@ -17,6 +18,7 @@ use crate::config::{AnyConfig, DataConfig, TrainConfig};
 use crate::data::Scans;
 use crate::data::scans::classes_seen;
 use crate::evaluate::Scores;
+use crate::exported::with_bursts;
 use crate::generator::{Generator, Phased};
 use crate::network::{COLUMN_MULTIPLE, UNet};
 use crate::train::{best_network, supervised};
@@ -56,16 +58,18 @@ pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
         AnyConfig::Supervised(config) => {
             let scores = supervised::scores(&config, run, data_root)?;
             let (network, card) = finish(&config, run, data_root, &scores)?;
-            verified(&network, card)
+            let (onnx, card) = verified(&network, card)?;
+            with_bursts(onnx, card, data_root, &config.train)
         }
         AnyConfig::Translation(config) => {
             let scores = translation::training::scores(&config, run, data_root)?;
             let card = translation_card(&config, data_root, &scores)?;
             let (_, phases) = config.served()?;
-            match translation::best_network(&config, run)? {
+            let (onnx, card) = match translation::best_network(&config, run)? {
                 Trained::Translator(network) => in_phases(*network, phases, card),
                 Trained::UNet(network) => in_phases(*network, phases, card),
-            }
+            }?;
+            with_bursts(onnx, card, data_root, &config.real.train)
         }
     }
 }
@@ -97,6 +101,7 @@ fn translation_card(config: &TranslationConfig, data_root: &Path, scores: &Trans
         sensor,
         noise_channels: 0,
         adds_returns: false,
+        drop_bursts: Bursts::default(),
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
         effects: vec![],
         scores: scores.to_card(),
@@ -124,6 +129,7 @@ fn card(config: &TrainConfig, sensor: Sensor, learned: Vec<Scans>, scores: &Scor
         column_multiple: COLUMN_MULTIPLE,
         noise_channels: 0,
         adds_returns: false,
+        drop_bursts: Bursts::default(),
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
         effects: vec![],
         scores: scores.to_card(),
@@ -166,6 +172,12 @@ pub fn to_markdown(card: &Card) -> String {
     );
     if !card.notes.is_empty() {
         let _ = write!(out, "\n{}\n", card.notes);
+    }
+    if !card.drop_bursts.is_empty() {
+        out += "\n## Lost rays\n\nAlong a ring rays share their fate in bursts (ARCHITECTURE.md, \"One model = one ONNX file\").\n\n| share of the rays | length (° of azimuth) |\n|---|---|\n";
+    }
+    for burst in card.drop_bursts.as_slice() {
+        let _ = writeln!(out, "| {} | {} |", burst.share, burst.azimuth_deg);
     }
     if !card.effects.is_empty() {
         out += "\n## Sensor effects\n\n| effect | parameter | value | standard error |\n|---|---|---|---|\n";

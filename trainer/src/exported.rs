@@ -3,13 +3,15 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use lidar::formats::{self, Limits};
-use lidar::{Projector, RangeImage};
+use lidar::RangeImage;
 use proto::card::{Card, METADATA_KEY};
 
 use crate::closed_loop::network::Network;
+use crate::config::DataConfig;
+use crate::data::Scans;
 use crate::data::sample::Sample;
-use crate::data::scans::{cut_columns, scan_files};
+use crate::data::scans::cut_columns;
+use crate::drop_bursts::Lost;
 use crate::evaluate::{Scores, made_simulated, scores};
 use crate::generator::Answer;
 use crate::translation::Domain;
@@ -27,38 +29,80 @@ pub fn card(onnx: &[u8]) -> Result<Card> {
 pub struct Asked {
     /// Columns of the grid, if not the sensor's: those of which each pixel holds a ray that was fired.
     pub columns: Option<usize>,
+    /// Only this sector of every scan; see [`DataConfig::sector_deg`].
+    pub sector_deg: Option<[f64; 2]>,
     /// Whether nothing is asked of rays that the vehicle under the sensor hides: see [`Domain::own_vehicle`].
     pub without_own_vehicle: bool,
 }
 
-/// Scores a model ray by ray on the real scans of a folder, made to look simulated. Columns beyond the model's multiple are left out at the
-/// end. Noise of its own is put at ½.
-pub fn score(onnx: &[u8], scans: &Path, asked: Asked) -> Result<Scores> {
-    let Asked { columns, without_own_vehicle } = asked;
-    let mut card = card(onnx)?;
-    let sensor = card.sensor.clone();
-    let fired = sensor.clone().with_columns(columns.unwrap_or(sensor.columns()))?;
-    let kept = fired.columns() / card.column_multiple * card.column_multiple;
-    ensure!(kept > 0, "{} columns are fewer than the model's multiple of {}", fired.columns(), card.column_multiple);
-    let mut projector = Projector::new(&fired);
-    let mut image = |file: &Path| -> Result<RangeImage> {
-        let cloud = formats::read(file, &Limits::default())?;
-        Ok(cut_columns(&projector.project(&cloud)?.image, 0, kept))
-    };
-    let images: Vec<RangeImage> = scan_files(scans)?
-        .iter()
-        .map(|file| image(file).with_context(|| format!("scan {}", file.display())))
-        .collect::<Result<_>>()?;
+/// A model's answers to real scans that were made to look simulated.
+#[derive(Clone, Debug)]
+pub struct Answered {
+    /// The scans, each with its answer.
+    pub scans: Vec<(Sample, Answer)>,
+    /// The card in the model's file.
+    pub card: Card,
+    /// Distance of two columns of the scans, in degrees of azimuth.
+    pub column_deg: f64,
+}
 
-    card.sensor = sensor.with_columns(kept)?;
-    let scans = Domain { images, datasets: vec![] };
-    let hidden = if without_own_vehicle { scans.own_vehicle(&card.sensor) } else { vec![] };
+/// Has a model answer the real scans of a folder, made to look simulated. Columns beyond the model's multiple are left out at the end. Noise
+/// of its own is put at ½.
+pub fn ask(onnx: &[u8], scans: &Path, asked: Asked) -> Result<Answered> {
+    let card = card(onnx)?;
+    let Asked { columns, sector_deg, without_own_vehicle } = asked;
+    let folder = DataConfig {
+        path: scans.to_owned(),
+        source: String::new(),
+        licence: String::new(),
+        columns,
+        drops_observed: true,
+        sector_deg,
+    };
+    let images = Scans::load(Path::new(""), &folder, &card.sensor)?.images;
+    let column_deg = 360.0 / columns.unwrap_or(card.sensor.columns()) as f64;
+    Ok(Answered { scans: answer(onnx, &card, &images, without_own_vehicle)?, card, column_deg })
+}
+
+/// A model's answers to range images of real scans, made to look simulated; all of one size.
+fn answer(onnx: &[u8], card: &Card, images: &[RangeImage], without_own_vehicle: bool) -> Result<Vec<(Sample, Answer)>> {
+    let columns = images.first().map_or(0, RangeImage::columns);
+    let kept = columns / card.column_multiple * card.column_multiple;
+    ensure!(kept > 0, "{columns} columns are fewer than the model's multiple of {}", card.column_multiple);
+    let sensor = card.sensor.clone().with_columns(kept)?;
+    let scans = Domain { images: images.iter().map(|image| cut_columns(image, 0, kept)).collect(), datasets: vec![] };
+    let hidden = if without_own_vehicle { scans.own_vehicle(&sensor) } else { vec![] };
     let samples: Vec<Sample> = made_simulated(&scans.images).map(|sample| sample.without(&hidden)).collect();
-    let answers = Network::new(onnx, &card)?.generate(samples.iter().map(|sample| &sample.simulated), &card.sensor)?;
+    let card = Card { sensor: sensor.clone(), ..card.clone() };
+    let answers = Network::new(onnx, &card)?.generate(samples.iter().map(|sample| &sample.simulated), &sensor)?;
     let answers = answers.into_iter().map(|answer| Answer {
         range_m: answer.image.range_m().to_vec(),
         reflectance: answer.image.reflectance().to_vec(),
         keep: answer.keep,
     });
-    Ok(scores(samples.into_iter().zip(answers)))
+    Ok(samples.into_iter().zip(answers).collect())
+}
+
+/// The same model, told how lost rays hang together in the real scans that it learned from: those of one width whose drops were observed.
+pub fn with_bursts(onnx: Vec<u8>, card: Card, data_root: &Path, learned: &[DataConfig]) -> Result<(Vec<u8>, Card)> {
+    let observed: Vec<&DataConfig> = learned.iter().filter(|data| data.drops_observed).collect();
+    let Some(first) = observed.first() else { return Ok((onnx, card)) };
+    let alike = observed.iter().filter(|data| (data.columns, data.sector_deg) == (first.columns, first.sector_deg));
+    let mut images = vec![];
+    for data in alike {
+        images.extend(Scans::load(data_root, data, &card.sensor)?.images);
+    }
+    let column_deg = 360.0 / first.columns.unwrap_or(card.sensor.columns()) as f64;
+    let drop_bursts = Lost::count(&answer(&onnx, &card, &images, true)?, column_deg).fit()?;
+    told(&onnx, Card { drop_bursts, ..card })
+}
+
+/// The same model with another card.
+pub fn told(onnx: &[u8], card: Card) -> Result<(Vec<u8>, Card)> {
+    Ok((onnx::with_metadata(onnx, METADATA_KEY, &card.to_json())?, card))
+}
+
+/// Scores a model ray by ray; see [`ask`].
+pub fn score(onnx: &[u8], scans: &Path, asked: Asked) -> Result<Scores> {
+    Ok(scores(ask(onnx, scans, asked)?.scans))
 }

@@ -3,7 +3,8 @@
 mod phased;
 
 use burn::tensor::{Device, Tensor, TensorData, s};
-use lidar::{RangeImage, ray_drop};
+use lidar::RangeImage;
+use lidar::ray_drop::RayDrop;
 
 use crate::network::{Measurement, UNet};
 
@@ -65,10 +66,10 @@ impl Answer {
         }
     }
 
-    /// One of the scans that the sensor could have measured of `simulated`, as the service draws it.
+    /// One of the scans that the sensor could have measured of `simulated`, as the service draws it if the card names no bursts.
     pub fn drawn(&self, simulated: &RangeImage, seed: u64) -> RangeImage {
         let mut keep = vec![];
-        ray_drop::sample(seed, simulated.columns(), &self.keep, &mut vec![], &mut keep);
+        RayDrop::default().sample(seed, simulated, &self.keep, &mut keep);
         let mut out = simulated.clone();
         for (i, keep) in keep.into_iter().enumerate() {
             if keep && simulated.range_m()[i] > 0.0 && self.range_m[i] > 0.0 && self.range_m[i].is_finite() {

@@ -5,6 +5,7 @@ pub mod benchmark;
 pub mod closed_loop;
 pub mod config;
 pub mod data;
+pub mod drop_bursts;
 pub mod effects;
 pub mod evaluate;
 pub mod export;

@@ -5,9 +5,12 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail, ensure};
 use burn::tensor::Device;
 use clap::Args;
+use lidar::ray_drop::Bursts;
+use proto::card::Card;
 use trainer::backend::Backend;
 use trainer::config::{AnyConfig, TrainConfig};
-use trainer::exported::{self, Asked};
+use trainer::drop_bursts::Lost;
+use trainer::exported::{self, Answered, Asked};
 use trainer::realness::Protocol;
 use trainer::segmentation::Segmentation;
 use trainer::train::{Run, supervised, train};
@@ -65,10 +68,22 @@ pub(super) struct ScoreArgs {
     /// Columns of a grid of which each pixel holds a ray that was fired, so that an empty one is a ray that was lost; KITTI's has 1800.
     #[arg(long)]
     columns: Option<usize>,
+    /// Only this sector of every scan: azimuth from and to, in degrees (180 is behind, 90 left), from > to.
+    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], allow_negative_numbers = true)]
+    sector_deg: Option<Vec<f64>>,
     /// Ask nothing of the rays that the vehicle under the sensor hides, which hardly any of ten scans or more reports: a model may have learned
     /// where they are, and have them lost wherever it is used.
     #[arg(long)]
     without_own_vehicle: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct BurstsArgs {
+    #[command(flatten)]
+    score: ScoreArgs,
+    /// Publish the model, told the bursts of these scans, as its next version under this folder.
+    #[arg(long)]
+    models: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -132,10 +147,49 @@ impl EvaluateArgs {
 impl ScoreArgs {
     /// The model's scores.
     pub(super) fn table(&self) -> Result<String> {
-        let asked = Asked { columns: self.columns, without_own_vehicle: self.without_own_vehicle };
-        let score = || -> Result<_> { exported::score(&std::fs::read(&self.model)?, &self.scans, asked) };
+        let score = || -> Result<_> { exported::score(&std::fs::read(&self.model)?, &self.scans, self.asked()) };
         Ok(score().with_context(|| format!("model {}", self.model.display()))?.to_table())
     }
+
+    fn asked(&self) -> Asked {
+        let sector_deg = self.sector_deg.as_deref().and_then(|sector| <[f64; 2]>::try_from(sector).ok());
+        Asked { columns: self.columns, sector_deg, without_own_vehicle: self.without_own_vehicle }
+    }
+}
+
+impl BurstsArgs {
+    /// How lost rays hang together in the scans, beside the bursts of the model's card, or, where it names none or a new version is published,
+    /// those that come nearest.
+    pub(super) fn run(&self) -> Result<()> {
+        let ScoreArgs { model, scans, .. } = &self.score;
+        let measure = || -> Result<()> {
+            let onnx = std::fs::read(model)?;
+            let Answered { scans, card, column_deg } = exported::ask(&onnx, scans, self.score.asked())?;
+            let lost = Lost::count(&scans, column_deg);
+            let fitted = lost.fit()?;
+            let keeps = self.models.is_none() && !card.drop_bursts.is_empty();
+            let shown = if keeps { &card.drop_bursts } else { &fitted };
+            println!(
+                "{}\n{}; nearest to these {} scans: {}.",
+                lost.to_table(shown),
+                if keeps { "In the card's bursts" } else { "In the nearest bursts" },
+                scans.len(),
+                said(&fitted)
+            );
+            if let Some(models) = &self.models {
+                let (onnx, card) = exported::told(&onnx, Card { drop_bursts: fitted, ..card })?;
+                println!("{}", export::publish(models, &card, &onnx)?.display());
+            }
+            Ok(())
+        };
+        measure().with_context(|| format!("model {}", model.display()))
+    }
+}
+
+/// Bursts in a sentence.
+fn said(bursts: &Bursts) -> String {
+    let all: Vec<String> = bursts.as_slice().iter().map(ToString::to_string).collect();
+    if all.is_empty() { "none".into() } else { all.join(", ") }
 }
 
 impl ExportArgs {

@@ -45,6 +45,7 @@ pub fn card(set: &PairedSet, base: &Base, outcome: &Outcome, scores: Vec<Score>)
         noise_channels: NOISE_CHANNELS,
         // A network in front says itself which rays have a return, and that another keeps them is never wrong.
         adds_returns: adds_returns(&outcome.after, &set.sensor) || base.network.is_some(),
+        drop_bursts: before.map(|card| card.drop_bursts.clone()).unwrap_or_default(),
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
         effects: declared::write(&outcome.after, &outcome.declared.iter().chain(&outcome.effects).collect::<Vec<_>>()),
         trained_on: before.into_iter().flat_map(|card| card.trained_on.clone()).chain([learned]).collect(),

@@ -4,7 +4,7 @@ use lidar::RangeImage;
 use rand::{Rng, RngExt};
 
 /// Farthest return, in columns, that a hole is filled from on one side or the other.
-const REACH_COLUMNS: usize = 12;
+pub const REACH_COLUMNS: usize = 12;
 
 /// The same where there is a return on one side only: beyond, it may as well be the sky.
 const REACH_ONE_SIDED: usize = 3;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use lidar::label::CLASS_NAMES;
+use lidar::ray_drop::Bursts;
 use proto::card::{Card, Dataset, SCHEMA};
 use sha2::{Digest, Sha256};
 
@@ -99,6 +100,7 @@ fn card(set: &UnpairedSet, finding: &Finding, model: &SensorModel) -> Card {
         column_multiple: set.sensor.columns(),
         noise_channels: NOISE_CHANNELS,
         adds_returns: false,
+        drop_bursts: Bursts::default(),
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),
         effects: declared::write(model, &found),
         trained_on: vec![Dataset {
