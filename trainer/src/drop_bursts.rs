@@ -20,16 +20,17 @@ const LONGEST: f64 = 1.0 / 3.0;
 /// A kind of bursts that fewer rays than this share are in is left out.
 const LEAST_SHARE: f64 = 0.02;
 
+/// Shares add up to this at most: once rounded to thousandths they must not be more than all rays.
+const LARGEST_SUM: f64 = 0.999;
+
 /// Steps from one length that is tried to the next.
 const LENGTH_STEP: f64 = 1.15;
 
 /// Pairs of rays of one ring, so far apart, that the sensor could have reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pairs {
+struct Pairs {
     /// Distance in degrees of azimuth.
-    pub azimuth_deg: f64,
-    /// How many there are.
-    pub count: usize,
+    azimuth_deg: f64,
     /// How many rays of them are lost: half of those that are one or the other of a pair.
     lost: f64,
     /// Pairs that are both lost.
@@ -44,7 +45,7 @@ pub struct Pairs {
 #[derive(Clone, Debug)]
 pub struct Lost {
     /// By distance, from next to each other on.
-    pub pairs: Vec<Pairs>,
+    pairs: Vec<Pairs>,
     scans: Vec<Scan>,
     column_deg: f64,
 }
@@ -65,7 +66,7 @@ const RUNS: [(usize, &str); 5] = [(1, "1"), (2, "2"), (3, "3 and 4"), (5, "5 to 
 
 impl Pairs {
     /// ρ, the share of the pairs that share their number: as many are lost together as were.
-    pub fn together(&self) -> f64 {
+    fn together(&self) -> f64 {
         (self.both - self.alone) / (self.sharing - self.alone)
     }
 
@@ -140,7 +141,7 @@ impl Lost {
             right += decay * pairs.together();
         }
         let shares = normal.cholesky()?.solve(&right);
-        let possible = shares.iter().all(|share| *share >= LEAST_SHARE) && shares.sum() <= 1.0;
+        let possible = shares.iter().all(|share| *share >= LEAST_SHARE) && shares.sum() <= LARGEST_SUM;
         let bursts: Vec<(f64, f64)> = shares.iter().copied().zip(lengths).collect();
         possible.then(|| (self.error(&bursts), bursts))
     }
@@ -206,7 +207,6 @@ impl Pairs {
     /// Adds a pair of rays, each with its probability of being lost and whether it was.
     fn add(&mut self, (p, p_lost): (f64, bool), (q, q_lost): (f64, bool)) {
         let number = |lost: bool| f64::from(u8::from(lost));
-        self.count += 1;
         self.lost += (number(p_lost) + number(q_lost)) / 2.0;
         self.both += number(p_lost && q_lost);
         self.alone += p * q;
