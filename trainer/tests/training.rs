@@ -101,7 +101,7 @@ fn it_learns_that_far_rays_are_lost_and_what_the_sensor_makes_of_reflectance() -
         formats::write(&scans.join(format!("{scan}.ply")), &cloud.select(&seen))?;
     }
     let reported = |without_own_vehicle: bool| -> anyhow::Result<f64> {
-        Ok(exported::score(&onnx, &scans, Asked { without_own_vehicle, columns: None })?.keep_share)
+        Ok(exported::score(&onnx, &scans, Asked { without_own_vehicle, ..Asked::default() })?.keep_share)
     };
     assert!(reported(true)? > reported(false)? + 1e-3, "{} {}", reported(true)?, reported(false)?);
     Ok(())
