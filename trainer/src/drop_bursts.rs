@@ -207,7 +207,7 @@ impl Pairs {
     /// Adds a pair of rays, each with its probability of being lost and whether it was.
     fn add(&mut self, (p, p_lost): (f64, bool), (q, q_lost): (f64, bool)) {
         let number = |lost: bool| f64::from(u8::from(lost));
-        self.lost += (number(p_lost) + number(q_lost)) / 2.0;
+        self.lost += f64::midpoint(number(p_lost), number(q_lost));
         self.both += number(p_lost && q_lost);
         self.alone += p * q;
         self.sharing += p.min(q);
@@ -238,10 +238,10 @@ fn logistic(x: f64) -> f64 {
 fn balance(value: f64, rising: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (-20.0, 20.0);
     for _ in 0..60 {
-        let middle = (low + high) / 2.0;
+        let middle = f64::midpoint(low, high);
         if rising(middle) < value { low = middle } else { high = middle }
     }
-    (low + high) / 2.0
+    f64::midpoint(low, high)
 }
 
 #[cfg(test)]
