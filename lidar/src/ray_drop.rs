@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_begins_where_its_columns_do_and_a_rays_fate_depends_on_no_ring_below() -> Result<(), BurstsError> {
+    fn a_rays_fate_depends_on_no_ring_below() -> Result<(), BurstsError> {
         let (small, large) = (kept(two_lengths()?, 0.8, &wall(2, 256), 5), kept(two_lengths()?, 0.8, &wall(5, 256), 5));
         assert_eq!(small, large[..512]);
         Ok(())
