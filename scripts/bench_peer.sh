@@ -11,7 +11,7 @@ if [ ! -x "$env/bin/uvicorn" ]; then
 fi
 realbeam-server serve --models models --addr 127.0.0.1:8091 --workers 1 --threads "$threads" >build/peer.ours.log 2>&1 &
 ours=$!
-MODEL=models/hdl64e/2/model.onnx THREADS=$threads "$env/bin/uvicorn" peer:app --app-dir benches/peer --port 8092 --no-access-log >build/peer.log 2>&1 &
+MODEL=models/hdl64e/3/model.onnx THREADS=$threads "$env/bin/uvicorn" peer:app --app-dir benches/peer --port 8092 --no-access-log >build/peer.log 2>&1 &
 peer=$!
 trap 'kill $ours $peer' EXIT
 for port in 8091/v2/health/live 8092/docs; do

@@ -1,6 +1,6 @@
 """The service that a user would write in Python: FastAPI, numpy, onnxruntime, on the same model.onnx and the same kind of body.
 
-    MODEL=models/hdl64e/2/model.onnx THREADS=2 uvicorn peer:app --app-dir benches/peer --port 8090
+    MODEL=models/hdl64e/3/model.onnx THREADS=2 uvicorn peer:app --app-dir benches/peer --port 8090
 
 POST /v1/scan takes float32 x, y, z, intensity and returns the same; the header x-infer-ms tells the model's own run.
 """
@@ -16,7 +16,8 @@ from fastapi import FastAPI, Request, Response
 options = onnxruntime.SessionOptions()
 options.intra_op_num_threads = int(os.environ.get("THREADS", "2"))
 session = onnxruntime.InferenceSession(os.environ["MODEL"], options, providers=["CPUExecutionProvider"])
-sensor = json.loads(session.get_modelmeta().custom_metadata_map["realbeam"])["sensor"]
+card = json.loads(session.get_modelmeta().custom_metadata_map["realbeam"])
+sensor, noise_channels = card["sensor"], card["noise_channels"]
 # Midway between two rings a point belongs to the next.
 elevations = np.radians(np.array(sensor["elevation_deg"], np.float32))
 borders = -(elevations[1:] + elevations[:-1]) / 2
@@ -43,13 +44,14 @@ async def scan(request: Request, seed: int = 0):
     image[0, 0, hit] = range_m[won]
     image[0, 1, hit] = intensity[won]
 
+    chance = np.random.default_rng(seed)
+    noise = chance.random((1, noise_channels, rings, columns), np.float32)
+    feed = {"scan": image.reshape(1, 3, rings, columns)} | ({"noise": noise} if noise_channels else {})
     started = time.perf_counter()
-    measured, reflectance, keep = session.run(
-        ["range", "reflectance", "keep"], {"scan": image.reshape(1, 3, rings, columns)}
-    )
+    measured, reflectance, keep = session.run(["range", "reflectance", "keep"], feed)
     infer_ms = (time.perf_counter() - started) * 1e3
 
-    drawn = np.random.default_rng(seed).random(rings * columns, np.float32)
+    drawn = chance.random(rings * columns, np.float32)
     kept = drawn[hit] < keep.reshape(-1)[hit]
     hit, won = hit[kept], won[kept]
     out = np.empty((len(won), 4), np.float32)

@@ -254,8 +254,8 @@ mod tests {
     fn what_waits_runs_as_one_and_each_gets_what_it_would_get_alone() -> Outcome {
         let files = [
             "tests/data/models/passthrough/2/model.onnx",
-            "../models/hdl64e/2/model.onnx",
-            "../models/hdl32e/2/model.onnx",
+            "../models/hdl64e/3/model.onnx",
+            "../models/hdl32e/3/model.onnx",
             "../models/hdl64e-cls2r/3/model.onnx",
         ];
         files.into_iter().try_for_each(together_as_alone)

@@ -6,7 +6,7 @@ use divan::Bencher;
 use lidar::Sensor;
 use ort::session::Session;
 use ort::value::TensorRef;
-use proto::card::tensor;
+use proto::card::{Card, METADATA_KEY, tensor};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 
@@ -16,13 +16,21 @@ fn main() {
     divan::main();
 }
 
-#[divan::bench(args = ["hdl64e/2", "hdl32e/2", "hdl64e-cls2r/3"])]
+#[divan::bench(args = ["hdl64e/3", "hdl32e/3", "hdl64e-cls2r/3"])]
 fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
     let (mut session, rings, scan) = prepare(model).expect("the model runs");
+    let metadata = session.metadata().expect("metadata").custom(METADATA_KEY).expect("a card");
+    let channels = Card::from_json(&metadata).expect("a card").noise_channels;
+    let noise = vec![0.3; channels * rings * COLUMNS];
     bencher.counter(divan::counter::ItemsCount::new(rings * COLUMNS)).bench_local(|| {
         let scan = TensorRef::from_array_view(([1, tensor::SCAN_CHANNELS, rings, COLUMNS], scan.as_slice()));
         let scan = scan.expect("a tensor of the scan's size");
-        session.run(ort::inputs![tensor::SCAN => scan]).expect("the model runs").len()
+        let mut inputs = ort::inputs![tensor::SCAN => scan];
+        if channels > 0 {
+            let noise = TensorRef::from_array_view(([1, channels, rings, COLUMNS], noise.as_slice()));
+            inputs.push((tensor::NOISE.into(), noise.expect("a tensor of the noise's size").into()));
+        }
+        session.run(inputs).expect("the model runs").len()
     });
 }
 

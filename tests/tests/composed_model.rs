@@ -74,7 +74,7 @@ fn an_offset_behind_it_moves_every_point_and_comes_off_again(file: &Path) -> Fac
 
 #[test]
 fn a_shipped_model_takes_an_effect_behind_it() -> Fact {
-    an_offset_behind_it_moves_every_point_and_comes_off_again(&models().join("hdl32e/2/model.onnx"))
+    an_offset_behind_it_moves_every_point_and_comes_off_again(&models().join("hdl32e/3/model.onnx"))
 }
 
 #[test]

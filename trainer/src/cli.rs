@@ -41,6 +41,8 @@ enum Command {
     Score(runs::ScoreArgs),
     /// Measure on real scans how lost rays hang together along their ring, beside what an exported model says of each.
     Bursts(runs::BurstsArgs),
+    /// Measure on real scans how reflectances scatter about what an exported model says.
+    Scatter(runs::ScatterArgs),
     /// Judge scans that somebody made against scans that a sensor took: how real they look, and how true they are to their simulation.
     Compare(CompareArgs),
     /// Train and score the segmentation network by whose features scans are compared.
@@ -117,6 +119,7 @@ impl Cli {
             Command::Evaluate(args) => println!("{}", args.table()?),
             Command::Score(args) => println!("{}", args.table()?),
             Command::Bursts(args) => args.run()?,
+            Command::Scatter(args) => args.run()?,
             Command::Compare(args) => args.run()?,
             Command::Segment(args) => args.run()?,
             Command::Export(args) => args.run()?,

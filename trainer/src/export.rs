@@ -18,7 +18,7 @@ use crate::config::{AnyConfig, DataConfig, TrainConfig};
 use crate::data::Scans;
 use crate::data::scans::classes_seen;
 use crate::evaluate::Scores;
-use crate::exported::with_bursts;
+use crate::exported::with_measured;
 use crate::generator::{Generator, Phased};
 use crate::network::{COLUMN_MULTIPLE, UNet};
 use crate::train::{best_network, supervised};
@@ -59,7 +59,7 @@ pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
             let scores = supervised::scores(&config, run, data_root)?;
             let (network, card) = finish(&config, run, data_root, &scores)?;
             let (onnx, card) = verified(&network, card)?;
-            with_bursts(onnx, card, data_root, &config.train)
+            with_measured(onnx, card, data_root, &config.train, true)
         }
         AnyConfig::Translation(config) => {
             let scores = translation::training::scores(&config, run, data_root)?;
@@ -69,7 +69,7 @@ pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
                 Trained::Translator(network) => in_phases(*network, phases, card),
                 Trained::UNet(network) => in_phases(*network, phases, card),
             }?;
-            with_bursts(onnx, card, data_root, &config.real.train)
+            with_measured(onnx, card, data_root, &config.real.train, config.learns_pairs())
         }
     }
 }

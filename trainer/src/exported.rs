@@ -14,6 +14,7 @@ use crate::data::scans::cut_columns;
 use crate::drop_bursts::Lost;
 use crate::evaluate::{Scores, made_simulated, scores};
 use crate::generator::Answer;
+use crate::scatter::Scatter;
 use crate::translation::Domain;
 
 /// The card in a model's file.
@@ -83,8 +84,15 @@ fn answer(onnx: &[u8], card: &Card, images: &[RangeImage], without_own_vehicle: 
     Ok(samples.into_iter().zip(answers).collect())
 }
 
-/// The same model, told how lost rays hang together in the real scans that it learned from: those of one width whose drops were observed.
-pub fn with_bursts(onnx: Vec<u8>, card: Card, data_root: &Path, learned: &[DataConfig]) -> Result<(Vec<u8>, Card)> {
+/// The same model with what real scans show of it that it cannot say of each ray: which are lost together, and, where it `learned_pairs`, how
+/// reflectances scatter about its own. Measured on the scans that it learned from: those of one width whose drops were observed.
+pub fn with_measured(
+    onnx: Vec<u8>,
+    card: Card,
+    data_root: &Path,
+    learned: &[DataConfig],
+    learned_pairs: bool,
+) -> Result<(Vec<u8>, Card)> {
     let observed: Vec<&DataConfig> = learned.iter().filter(|data| data.drops_observed).collect();
     let Some(first) = observed.first() else { return Ok((onnx, card)) };
     let alike = observed.iter().filter(|data| (data.columns, data.sector_deg) == (first.columns, first.sector_deg));
@@ -93,8 +101,10 @@ pub fn with_bursts(onnx: Vec<u8>, card: Card, data_root: &Path, learned: &[DataC
         images.extend(Scans::load(data_root, data, &card.sensor)?.images);
     }
     let column_deg = 360.0 / first.columns.unwrap_or(card.sensor.columns()) as f64;
-    let drop_bursts = Lost::count(&answer(&onnx, &card, &images, true)?, column_deg).fit()?;
-    told(&onnx, Card { drop_bursts, ..card })
+    let answered = answer(&onnx, &card, &images, true)?;
+    let drop_bursts = Lost::count(&answered, column_deg).fit()?;
+    let (onnx, card) = told(&onnx, Card { drop_bursts, ..card })?;
+    if learned_pairs { Scatter::measure(&answered, column_deg)?.behind(&onnx, card) } else { Ok((onnx, card)) }
 }
 
 /// The same model with another card.

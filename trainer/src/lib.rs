@@ -14,6 +14,7 @@ pub mod generator;
 pub mod loss;
 pub mod network;
 pub mod realness;
+pub mod scatter;
 pub mod segmentation;
 pub mod sensor_report;
 pub mod sets;

@@ -12,6 +12,7 @@ use trainer::config::{AnyConfig, TrainConfig};
 use trainer::drop_bursts::Lost;
 use trainer::exported::{self, Answered, Asked};
 use trainer::realness::Protocol;
+use trainer::scatter::Scatter;
 use trainer::segmentation::Segmentation;
 use trainer::train::{Run, supervised, train};
 use trainer::translation::TranslationConfig;
@@ -82,6 +83,15 @@ pub(super) struct BurstsArgs {
     #[command(flatten)]
     score: ScoreArgs,
     /// Publish the model, told the bursts of these scans, as its next version under this folder.
+    #[arg(long)]
+    models: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ScatterArgs {
+    #[command(flatten)]
+    score: ScoreArgs,
+    /// Publish the model, its reflectances scattered so, as its next version under this folder.
     #[arg(long)]
     models: Option<PathBuf>,
 }
@@ -178,6 +188,25 @@ impl BurstsArgs {
             );
             if let Some(models) = &self.models {
                 let (onnx, card) = exported::told(&onnx, Card { drop_bursts: fitted, ..card })?;
+                println!("{}", export::publish(models, &card, &onnx)?.display());
+            }
+            Ok(())
+        };
+        measure().with_context(|| format!("model {}", model.display()))
+    }
+}
+
+impl ScatterArgs {
+    /// What is reported where the model says so much, and how this hangs together.
+    pub(super) fn run(&self) -> Result<()> {
+        let ScoreArgs { model, scans, .. } = &self.score;
+        let measure = || -> Result<()> {
+            let onnx = std::fs::read(model)?;
+            let Answered { scans, card, column_deg } = exported::ask(&onnx, scans, self.score.asked())?;
+            let scatter = Scatter::measure(&scans, column_deg)?;
+            println!("{}\nOf {} scans; {scatter}.", scatter.to_table(), scans.len());
+            if let Some(models) = &self.models {
+                let (onnx, card) = scatter.behind(&onnx, card)?;
                 println!("{}", export::publish(models, &card, &onnx)?.display());
             }
             Ok(())

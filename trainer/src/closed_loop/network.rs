@@ -11,10 +11,10 @@ use ort::value::TensorRef;
 use proto::card::{Card, tensor};
 
 /// The tensors that a network gives, in the order of this program's functions.
-pub(super) const OUTPUTS: [&str; 3] = [tensor::RANGE, tensor::REFLECTANCE, tensor::KEEP];
+pub(crate) const OUTPUTS: [&str; 3] = [tensor::RANGE, tensor::REFLECTANCE, tensor::KEEP];
 
 /// Stands before the names of the inputs that take a network's outputs.
-pub(super) const GENERATED: &str = "generated_";
+pub(crate) const GENERATED: &str = "generated_";
 
 /// A network without noise, which says "range 0" on the rays that have no return.
 #[derive(Clone, Debug)]

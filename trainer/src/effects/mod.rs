@@ -65,7 +65,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 pub use covariate::Covariate;
-pub use draw::{Drawn, NOISE_CHANNELS};
+pub use draw::{Drawn, NOISE_CHANNELS, normal};
 pub use evidence::Evidence;
 pub use extra::{Extra, Place};
 pub use image::{Image, Settled, Simulated};

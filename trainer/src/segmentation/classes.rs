@@ -26,11 +26,19 @@ pub fn merged(class: u8) -> Option<usize> {
     }
 }
 
+/// The learning map's class that stands for each of these, the commonest of those that are merged in it.
+pub const COMMONEST: [u8; CLASSES] = [1, 6, 9, 11, 13, 14, 15, 16, 17, 18];
+
 #[cfg(test)]
 mod tests {
     use lidar::label::CLASS_NAMES;
 
     use super::*;
+
+    #[test]
+    fn what_stands_for_a_class_is_in_it() {
+        assert!(COMMONEST.iter().enumerate().all(|(class, commonest)| merged(*commonest) == Some(class)));
+    }
 
     #[test]
     fn every_labelled_class_is_in_one_that_its_name_fits() {

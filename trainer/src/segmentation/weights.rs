@@ -11,7 +11,7 @@ use proto::card::Dataset;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::classes::{CLASSES, NAMES, merged};
+use super::classes::{CLASSES, COMMONEST, NAMES, merged};
 use super::darknet::{Darknet, DarknetConfig};
 use super::input;
 use super::score::{Confusion, SegmentationScore};
@@ -119,6 +119,27 @@ impl Segmentation {
         logits.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
     }
 
+    /// The same scan with the classes that the network sees in it: seen on the grid that it learned on, and brought back to each return from the
+    /// one nearest in range of those beside it on its ring.
+    pub fn labelled(&self, image: &RangeImage, sensor: &Sensor, device: &Device) -> RangeImage {
+        let (fine, coarse) = (image.columns(), self.card.sensor.columns());
+        let picked = image.pick_columns(coarse);
+        let seen = self.classes(&picked, sensor, device);
+        let class = (0..image.range_m().len()).map(|i| {
+            let (ring, column, range_m) = (i / fine, i % fine, image.range_m()[i]);
+            let beside = |shift: usize| ring * coarse + (column * coarse / fine + coarse + shift - 1) % coarse;
+            let off = |i: &usize| (picked.range_m()[*i] - range_m).abs();
+            let nearest = [1, 0, 2]
+                .map(beside)
+                .into_iter()
+                .filter(|i| picked.range_m()[*i] > 0.0)
+                .min_by(|a, b| off(a).total_cmp(&off(b)));
+            nearest.map_or(0, |i| COMMONEST[seen[i]])
+        });
+        let (range_m, reflectance) = (image.range_m().to_vec(), image.reflectance().to_vec());
+        RangeImage::from_channels(fine, range_m, reflectance, class.collect())
+    }
+
     /// Scores it on labelled scans.
     pub fn score(&self, of: &str, images: &[RangeImage], sensor: &Sensor, device: &Device) -> SegmentationScore {
         let mut confusion = Confusion::default();
@@ -211,6 +232,29 @@ mod tests {
         assert!(message().contains("damaged"), "{}", message());
         std::fs::remove_file(&path)?;
         assert!(message().contains("cannot read"), "{}", message());
+        Ok(())
+    }
+
+    #[test]
+    fn labels_come_back_to_the_returns_that_they_were_seen_at() -> Result<()> {
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/segmentation/1");
+        let segmentation = Segmentation::load(&shipped, &Device::flex())?;
+        let sensor = &segmentation.card.sensor;
+        let columns = sensor.columns();
+        // The ground below, a wall around. Every pixel of the coarse grid is four of the fine one: the third is seen, the second lost.
+        let mut image = RangeImage::empty(sensor.rings().len(), 4 * columns);
+        for i in (0..image.range_m().len()).filter(|i| i % 4 != 1) {
+            let down = -sensor.rings()[i / (4 * columns)].elevation_rad.sin();
+            image.set(i, if down > 0.1 { 1.7 / down as f32 } else { 17.0 }, 0.3, 0);
+        }
+        let seen = segmentation.classes(&image.pick_columns(columns), sensor, &Device::flex());
+        let labelled = segmentation.labelled(&image, sensor, &Device::flex());
+        assert_eq!((labelled.range_m(), labelled.reflectance()), (image.range_m(), image.reflectance()));
+        for (i, class) in labelled.class().iter().enumerate() {
+            // Within a ring all ranges are alike: the own pixel comes first.
+            assert_eq!(*class, if i % 4 == 1 { 0 } else { COMMONEST[seen[i / 4]] }, "{i}");
+        }
+        assert!(seen.iter().any(|class| *class != seen[0]), "the classes differ");
         Ok(())
     }
 

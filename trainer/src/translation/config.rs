@@ -86,6 +86,10 @@ pub struct TranslationConfig {
     /// `atmosphere_attenuation_rate` being 0.004; what simulators mean by intensity differs, and a network only knows what it has seen.
     #[serde(default)]
     pub attenuation_per_m: Option<f64>,
+    /// Folder of the segmentation network that labels the real scans, which otherwise have the labels of their files, mostly none: only what
+    /// both domains have tells nothing of which one a scan is from.
+    #[serde(default)]
+    pub labeller: Option<PathBuf>,
     /// The generator.
     #[serde(default)]
     pub generator: ResnetConfig,
@@ -211,6 +215,11 @@ impl TranslationConfig {
     /// Whether real scans made to look simulated are learned from.
     pub fn has_twins(&self) -> bool {
         self.losses.twins > 0.0 || self.method == Method::Paired
+    }
+
+    /// Whether it learns what real scans report where they were made to look simulated; the others never see their answers beside that.
+    pub fn learns_pairs(&self) -> bool {
+        self.has_twins() || self.method == Method::UNet
     }
 
     fn check(&self) -> Result<()> {

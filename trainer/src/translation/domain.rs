@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use burn::tensor::Device;
 use lidar::{RangeImage, Sensor};
 use proto::card::Dataset;
 
@@ -10,6 +11,7 @@ use super::config::TranslationConfig;
 use crate::config::DataConfig;
 use crate::data::Scans;
 use crate::data::sample::SimulatedReflectance;
+use crate::segmentation::Segmentation;
 
 /// Least share of the sensor's rings that a scan of it fills; one of a sensor with half as many rings does not.
 const LEAST_RINGS: f64 = 0.7;
@@ -50,6 +52,17 @@ impl Domain {
     /// allows that they are resampled to its own. A pixel of the grid then shows the ray in its middle, reported or lost: were it the
     /// nearest return of all that it covers, hardly a ray would be lost.
     pub fn load(root: &Path, list: &[DataConfig], grid: &Grid) -> Result<Self> {
+        Self::labelled(root, list, grid, None)
+    }
+
+    /// A config's real scans, labelled where it says by whom.
+    pub fn real(config: &TranslationConfig, data: &Path, list: &[DataConfig]) -> Result<Self> {
+        let labeller =
+            config.labeller.as_ref().map(|folder| Segmentation::load(folder, &Device::flex())).transpose()?;
+        Self::labelled(data, list, &config.grid()?, labeller.as_ref())
+    }
+
+    fn labelled(root: &Path, list: &[DataConfig], grid: &Grid, labeller: Option<&Segmentation>) -> Result<Self> {
         let mut domain = Self::default();
         for data in list {
             let scans = Scans::load(root, data, &grid.native)?;
@@ -61,6 +74,10 @@ impl Domain {
                     "{path}: a scan fills {filled} of the {rings} rings of {}: scans of another sensor",
                     grid.sensor.name
                 );
+                let image = match labeller {
+                    Some(labeller) => labeller.labelled(&image, &grid.native, &Device::flex()),
+                    None => image,
+                };
                 domain.images.push(on_grid(image, grid).with_context(|| path.to_string())?);
             }
             domain.datasets.push(scans.dataset);
@@ -135,6 +152,8 @@ fn on_grid(image: RangeImage, grid: &Grid) -> Result<RangeImage> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::segmentation::DarknetConfig;
+    use crate::segmentation::weights::SegmentationCard;
 
     fn grid(resample: bool) -> Result<Grid> {
         let sensor = Sensor::builtin("vlp16")?.with_columns(32)?;
@@ -172,6 +191,36 @@ mod tests {
         assert!(domain(9).own_vehicle(&sensor).is_empty(), "too few to tell");
         let other = Domain { images: vec![image(32)], datasets: vec![] }.without(&lost);
         assert_eq!(other.images[0].returns(), 16 * 32 - 2);
+        Ok(())
+    }
+
+    #[test]
+    fn a_labellers_classes_stay_with_the_returns_on_a_coarser_grid() -> Result<()> {
+        let (folder, native) = (tempfile::tempdir()?, Sensor::builtin("vlp16")?.with_columns(64)?);
+        let range_m = (0..16 * 64).map(|i| 2.0 + (i % 37) as f32).collect();
+        let scan = RangeImage::from_channels(64, range_m, vec![0.5; 16 * 64], vec![0; 16 * 64]);
+        lidar::formats::write(&folder.path().join("scan.ply"), &scan.to_cloud(&native))?;
+        let data = [DataConfig {
+            path: "scan.ply".into(),
+            source: "made up".into(),
+            licence: "MIT".into(),
+            columns: None,
+            drops_observed: true,
+            sector_deg: None,
+        }];
+        let device = Device::flex();
+        device.seed(5);
+        let size = DarknetConfig { channels: [2, 2, 4, 4, 4] };
+        let card = SegmentationCard::new("A test", "MIT", "", native.clone(), size.clone());
+        let labeller = Segmentation { network: size.init(&device), card };
+        let load = |columns: usize, labeller| -> Result<RangeImage> {
+            let grid = Grid { sensor: native.clone().with_columns(columns)?, native: native.clone(), resample: true };
+            Ok(Domain::labelled(folder.path(), &data, &grid, labeller)?.images.remove(0))
+        };
+        assert!(load(32, None)?.class().iter().all(|class| *class == 0));
+        let fine = load(64, Some(&labeller))?;
+        assert!(fine.class().iter().all(|class| *class > 0));
+        assert_eq!(load(32, Some(&labeller))?, fine.pick_columns(32));
         Ok(())
     }
 

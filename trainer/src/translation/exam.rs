@@ -42,7 +42,7 @@ impl<'s> Exam<'s> {
     /// protocol defines it; without one, those of [`super::realness`].
     pub fn new(config: &TranslationConfig, data: &Path, by: Option<(&'s Segmentation, Protocol)>) -> Result<Self> {
         let grid = config.grid()?;
-        let load = |list| Domain::load(data, list, &grid);
+        let load = |list| Domain::real(config, data, list);
         let (learned, real) = (load(&config.real.train)?, load(&config.real.test)?.images);
         let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?.images;
         let own_vehicle = learned.hidden(config, &grid.sensor);

@@ -88,7 +88,7 @@ impl Generator for Trained {
 pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<TranslationScores>> {
     let newest = run.open(&config.to_toml()?)?;
     let grid = config.grid()?;
-    let load = |list: &[DataConfig]| Domain::load(&run.data, list, &grid);
+    let load = |list: &[DataConfig]| Domain::real(config, &run.data, list);
     let real = load(&config.real.train)?;
     let simulated = |list: &[DataConfig], real: &Domain| Domain::simulated(config, &run.data, list, real);
     let validate = simulated(&config.simulated.validate, &real)?;
@@ -175,9 +175,8 @@ pub fn best_network(config: &TranslationConfig, out: &Path) -> Result<Trained> {
 
 /// Scores a run's best network on the test scans.
 pub fn scores(config: &TranslationConfig, out: &Path, data: &Path) -> Result<TranslationScores> {
-    let grid = config.grid()?;
-    let real = Domain::load(data, &config.real.test, &grid)?;
-    let learned = Domain::load(data, &config.real.train, &grid)?;
+    let real = Domain::real(config, data, &config.real.test)?;
+    let learned = Domain::real(config, data, &config.real.train)?;
     let simulated = Domain::simulated(config, data, &config.simulated.test, &learned)?;
     let (simulated_scans, real_scans) = (simulated.images.len(), real.images.len());
     let examiner = Examiner::new(simulated, real);

@@ -1,0 +1,299 @@
+//! Scatter inside a graph: behind a network, between its answer and what the sensor reports.
+
+use anyhow::{Result, ensure};
+use burn::module::Module;
+use burn::tensor::module::conv2d;
+use burn::tensor::ops::ConvOptions;
+use burn::tensor::{Device, Tensor, s};
+use onnx::{Axis, Composition, Exporter};
+use proto::card::{Card, METADATA_KEY, tensor};
+
+use super::{LEVELS, Scatter};
+use crate::closed_loop::network::{GENERATED, OUTPUTS};
+use crate::effects::normal;
+
+/// Uniform numbers for each ray: what it has for itself, and what it shares with others.
+const NOISE_CHANNELS: usize = 2;
+
+/// What is left of a correlation where it is cut off.
+const CUT_OFF: f64 = 0.02;
+
+/// Columns that the graph is traced at.
+const TRACED_COLUMNS: usize = 64;
+
+/// Along which axis of an image numbers are correlated.
+#[derive(Clone, Copy)]
+enum Along {
+    Rings,
+    Columns,
+}
+
+/// A graph without parameters.
+#[derive(Module, Debug)]
+struct Plain {}
+
+impl Scatter {
+    /// A model that has no noise yet, with this scatter behind it, and its card.
+    ///
+    /// # Errors
+    /// If it has.
+    pub fn behind(&self, onnx: &[u8], card: Card) -> Result<(Vec<u8>, Card)> {
+        ensure!(
+            card.noise_channels == 0,
+            "its reflectances scatter already: noise_channels is {}",
+            card.noise_channels
+        );
+        let card = Card { noise_channels: NOISE_CHANNELS, notes: format!("{} {}", card.notes, self.says()), ..card };
+        let wired = OUTPUTS.iter().fold(Composition::new(), |c, name| c.wire(name, &format!("{GENERATED}{name}")));
+        Ok((wired.metadata(METADATA_KEY, &card.to_json()).compose(onnx, &self.to_onnx(&card)?)?, card))
+    }
+
+    fn says(&self) -> String {
+        format!(
+            "Reflectances scatter about what the network says as real ones do, drawn from the noise input: {self}. Scores are of the network alone."
+        )
+    }
+
+    fn to_onnx(&self, card: &Card) -> Result<Vec<u8>> {
+        let (device, rings) = (Device::flex(), card.sensor.rings().len());
+        let column_deg = 360.0 / card.sensor.columns() as f64;
+        let inputs: Vec<String> = OUTPUTS.iter().map(|name| format!("{GENERATED}{name}")).collect();
+        let exporter = inputs.iter().fold(Exporter::new().input(tensor::NOISE), |exporter, name| exporter.input(name));
+        let exporter = OUTPUTS.iter().fold(exporter, |exporter, name| exporter.output(name));
+        let on_all = |axis: Axis, place: usize| {
+            inputs.iter().fold(axis.on(tensor::NOISE, place), |axis, name| axis.on(name, place))
+        };
+        let column = Axis::new("column", TRACED_COLUMNS).multiple_of(card.column_multiple);
+        Ok(exporter.dynamic(on_all(Axis::new("batch", 1), 0)).dynamic(on_all(column, 3)).export(
+            &Plain {},
+            |sizes| {
+                let image = |channels| Tensor::<4>::zeros([sizes["batch"], channels, rings, sizes["column"]], &device);
+                (image(NOISE_CHANNELS), image(1), image(1), image(1))
+            },
+            |_, (noise, range_m, reflectance, keep)| {
+                (range_m * 1.0, self.reported(reflectance, &noise, column_deg), keep * 1.0)
+            },
+        )?)
+    }
+
+    /// What is reported where a network says `said`, `[batch, 1, ring, column]`; `noise` is `[batch, 2, ring, column]`, independent and uniform.
+    fn reported(&self, said: Tensor<4>, noise: &Tensor<4>, column_deg: f64) -> Tensor<4> {
+        let number = self.correlated_numbers(noise, column_deg);
+        let scores: Vec<f32> = LEVELS.iter().map(|(_, score)| *score as f32).collect();
+        let quantiles: Vec<f32> = self.measured.iter().flatten().copied().collect();
+        let quantiles = Tensor::<1>::from_floats(&*quantiles, &said.device());
+        let quantiles = quantiles.reshape([self.said.len(), LEVELS.len(), 1, 1]);
+        let at_knots = conv2d(weights(number, &scores), quantiles, None, ConvOptions::new([1, 1], [0, 0], [1, 1], 1));
+        (at_knots * weights(said, &self.said)).sum_dim(1)
+    }
+
+    /// Standard normal numbers, correlated as rays are.
+    fn correlated_numbers(&self, noise: &Tensor<4>, column_deg: f64) -> Tensor<4> {
+        let [batch, _, rings, columns] = noise.dims();
+        let channel = |i: usize| {
+            let uniform = noise.clone().slice(s![.., i..=i, .., ..]).reshape([batch, rings, columns]);
+            normal(uniform).reshape([batch, 1, rings, columns])
+        };
+        let (alone, shared) = (channel(0), channel(1));
+        let next_column = (-column_deg / self.azimuth_deg).exp();
+        let sum = |x: Tensor<4>, power: i32| {
+            let along = trailing_sum(x, next_column.powi(power), Along::Columns);
+            trailing_sum(along, self.next_ring.powi(power), Along::Rings)
+        };
+        // The first rays of a ring have fewer before them: each sum is divided by its own deviation.
+        let ones = shared.clone() * 0.0 + 1.0;
+        let shared = sum(shared, 1) / sum(ones, 2).sqrt();
+        alone * (1.0 - self.share).sqrt() + shared * self.share.sqrt()
+    }
+}
+
+/// How much each knot counts at each x, `[batch, 1, ring, column]`: one channel each, together 1.
+fn weights(x: Tensor<4>, knots: &[f32]) -> Tensor<4> {
+    let (device, last) = (x.device(), knots.len() - 1);
+    let x = x.clamp(knots[0], knots[last]);
+    if last == 0 {
+        return x * 0.0 + 1.0;
+    }
+    let channels = |value: &dyn Fn(usize) -> f32| {
+        let values: Vec<f32> = (0..=last).map(value).collect();
+        Tensor::<1>::from_floats(&*values, &device).reshape([1, last + 1, 1, 1])
+    };
+    // A line through 0 at the knot before and 1 at the knot; the first has one before it as far away as the second.
+    let before = |k: usize| if k == 0 { 2.0 * knots[0] - knots[1] } else { knots[k - 1] };
+    let after = |k: usize| if k == last { 2.0 * knots[last] - knots[last - 1] } else { knots[k + 1] };
+    let rising = (x.clone() - channels(&before)) * channels(&|k| (knots[k] - before(k)).recip());
+    let falling = (x * -1.0 + channels(&after)) * channels(&|k| (after(k) - knots[k]).recip());
+    rising.min_pair(falling).clamp(0.0, 1.0)
+}
+
+/// Σ rateᵏ · x(i − k) along an axis, k from 0 on until little is left; doubled from step to step.
+fn trailing_sum(x: Tensor<4>, rate: f64, along: Along) -> Tensor<4> {
+    let (mut sum, mut reach) = (x, 1);
+    while rate.powi(reach as i32) > CUT_OFF {
+        let kernel = Tensor::<1>::from_floats([rate.powi(reach as i32) as f32, 1.0, 0.0], &sum.device());
+        let (kernel, padding, dilation) = match along {
+            Along::Rings => (kernel.reshape([1, 1, 3, 1]), [reach, 0], [reach, 1]),
+            Along::Columns => (kernel.reshape([1, 1, 1, 3]), [0, reach], [1, reach]),
+        };
+        sum = conv2d(sum, kernel, None, ConvOptions::new([1, 1], padding, dilation, 1));
+        reach *= 2;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::TensorData;
+    use lidar::ray_drop::uniform;
+    use lidar::{RangeImage, Sensor};
+    use ort::value::TensorRef;
+
+    use super::*;
+    use crate::data::holes::Pixel;
+    use crate::data::sample::Sample;
+    use crate::generator::{Answer, PassThrough};
+
+    const COLUMNS: usize = 900;
+
+    fn scatter() -> Scatter {
+        // About ¼ by a tenth, about ¾ by a fifth, more so upwards.
+        let quantiles =
+            |said: f32, spread: f32| LEVELS.map(|(_, z)| said + spread * (z as f32).max(0.5 * z as f32) / 3.1);
+        let measured = vec![quantiles(0.25, 0.1), quantiles(0.75, 0.2)];
+        Scatter { said: vec![0.25, 0.75], measured, share: 0.6, azimuth_deg: 3.0, next_ring: 0.4 }
+    }
+
+    fn card() -> Result<Card> {
+        let sensor = Sensor::builtin("vlp16")?.with_columns(COLUMNS)?;
+        let json = serde_json::json!({
+            "schema": proto::card::SCHEMA, "name": "a", "summary": "A test", "licence": "MIT", "sensor": sensor,
+            "column_multiple": 4, "noise_channels": 0, "classes": ["unlabelled"],
+        });
+        Ok(Card::from_json(&json.to_string())?)
+    }
+
+    /// What the model makes of scans that say ¼ on the upper rings and ¾ on the lower, `noise` by their number.
+    fn reported(columns: usize, scans: u64, noise: impl Fn(u64) -> Vec<f32>) -> Result<Vec<RangeImage>> {
+        let (onnx, card) = scatter().behind(&crate::export::to_onnx(&Identity {}, &card()?)?, card()?)?;
+        assert_eq!((card.noise_channels, crate::exported::card(&onnx)?), (2, card.clone()));
+        let mut session = runtime::open(&runtime::environment()?, &onnx, 2)?;
+        (0..scans)
+            .map(|scan| {
+                let image = said(columns);
+                let mut input = vec![0.0; 3 * 16 * columns];
+                image.write_tensor(&mut input);
+                let noise = noise(scan);
+                let outputs = session.run(ort::inputs![
+                    tensor::SCAN => TensorRef::from_array_view(([1, 3, 16, columns], &*input))?,
+                    tensor::NOISE => TensorRef::from_array_view(([1, 2, 16, columns], &*noise))?,
+                ])?;
+                let values =
+                    |name: &str| -> Result<Vec<f32>> { Ok(outputs[name].try_extract_tensor::<f32>()?.1.to_vec()) };
+                assert_eq!(values(tensor::RANGE)?, image.range_m());
+                let class = image.class().to_vec();
+                Ok(RangeImage::from_channels(columns, values(tensor::RANGE)?, values(tensor::REFLECTANCE)?, class))
+            })
+            .collect()
+    }
+
+    fn said(columns: usize) -> RangeImage {
+        let reflectance = (0..16 * columns).map(|i| if i < 8 * columns { 0.25 } else { 0.75 }).collect();
+        RangeImage::from_channels(columns, vec![9.0; 16 * columns], reflectance, vec![0; 16 * columns])
+    }
+
+    #[derive(Module, Debug)]
+    struct Identity {}
+
+    impl crate::generator::Generator for Identity {
+        fn measure(&self, scan: Tensor<4>) -> crate::network::Measurement {
+            PassThrough.measure(scan)
+        }
+    }
+
+    fn drawn(scan: u64) -> Vec<f32> {
+        let mut noise = vec![0.0; 2 * 16 * COLUMNS];
+        let (one, other) = noise.split_at_mut(16 * COLUMNS);
+        uniform(scan, 2, COLUMNS, one);
+        uniform(scan, 3, COLUMNS, other);
+        noise
+    }
+
+    #[test]
+    fn what_the_graph_draws_is_measured_as_it_was_drawn() -> Result<()> {
+        let answered: Vec<_> = reported(COLUMNS, 40, drawn)?
+            .into_iter()
+            .map(|real| {
+                let pixels = 16 * COLUMNS;
+                let answer = Answer {
+                    range_m: vec![9.0; pixels],
+                    reflectance: said(COLUMNS).reflectance().to_vec(),
+                    keep: vec![1.0; pixels],
+                };
+                (
+                    Sample {
+                        simulated: said(COLUMNS),
+                        real,
+                        pixel: vec![Pixel::Kept; pixels],
+                        keep_weight: vec![1.0; pixels],
+                    },
+                    answer,
+                )
+            })
+            .collect();
+        let found = Scatter::measure(&answered, 360.0 / COLUMNS as f64)?;
+        let expected = scatter();
+        assert_eq!(found.said, expected.said);
+        for (found, expected) in found.measured.iter().flatten().zip(expected.measured.iter().flatten()).skip(1) {
+            assert!((found - expected).abs() < 0.012, "{found}, expected {expected}");
+        }
+        assert!((found.share - expected.share).abs() < 0.04, "{found}");
+        assert!((found.azimuth_deg - expected.azimuth_deg).abs() < 0.4, "{found}");
+        assert!((found.next_ring - expected.next_ring).abs() < 0.04, "{found}");
+        Ok(())
+    }
+
+    #[test]
+    fn the_first_rays_of_a_ring_scatter_as_much_as_the_others() -> Result<()> {
+        let deviation = |scans: &[RangeImage], ring: usize, column: usize| {
+            let squares = scans.iter().map(|scan| (scan.reflectance()[ring * COLUMNS + column] - 0.25).powi(2));
+            (squares.sum::<f32>() / scans.len() as f32).sqrt()
+        };
+        let scans = reported(COLUMNS, 600, drawn)?;
+        let (first, middle) = (deviation(&scans, 0, 0), deviation(&scans, 5, 450));
+        // The deviation of 600 numbers is known to 1/√1200 of itself: four of them.
+        assert!((first / middle - 1.0).abs() < 0.17, "{first} {middle}");
+        Ok(())
+    }
+
+    #[test]
+    fn half_of_the_noise_everywhere_is_the_median_at_any_number_of_columns() -> Result<()> {
+        for columns in [4, 60, COLUMNS] {
+            let scan = reported(columns, 1, |_| vec![0.5; 2 * 16 * columns])?.remove(0);
+            for (found, said) in scan.reflectance().iter().zip(said(columns).reflectance()) {
+                assert!((found - said).abs() < 1e-5, "{columns}: {found}, expected {said}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_model_that_draws_already_is_refused() -> Result<()> {
+        let card = Card { noise_channels: 1, ..card()? };
+        assert!(scatter().behind(&[], card).is_err_and(|e| e.to_string().contains("noise_channels is 1")));
+        Ok(())
+    }
+
+    #[test]
+    fn knots_count_in_graphs_as_they_do_in_measuring() {
+        let knots = [0.1, 0.15, 0.4, 0.9];
+        let at: Vec<f32> = (0..50).map(|i| i as f32 / 49.0).collect();
+        let x = Tensor::<4>::from_data(TensorData::new(at.clone(), [1, 1, 1, 50]), &Device::flex());
+        let found: Vec<f32> = weights(x, &knots).into_data().iter::<f32>().collect();
+        for (k, found) in found.chunks(50).enumerate() {
+            for (x, found) in at.iter().zip(found) {
+                let expected = super::super::weight(&knots, k, *x);
+                assert!((found - expected).abs() < 1e-5, "{k} {x}: {found}, expected {expected}");
+            }
+        }
+    }
+}
