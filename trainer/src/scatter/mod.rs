@@ -40,12 +40,15 @@ const LAGS: [usize; 9] = [1, 2, 3, 4, 6, 8, 12, 16, 24];
 /// Steps from one length that is tried to the next.
 const LENGTH_STEP: f64 = 1.1;
 
-/// How far from what a model says reflectances are reported, and how this hangs together from ray to ray.
+/// How far from what a model says reflectances are reported, and how this hangs together along a ring.
 ///
-/// The reflectance of a ray is Q(s, z), s being what the model says and z a standard normal number. Q is linear between knots in both. Along a ring
-/// and across rings z is correlated: two rays that lie Δ of azimuth and n rings apart, not both 0, have
+/// The reflectance of a ray is Q(s, z), s being what the model says and z a standard normal number. Q is linear between knots in both. The numbers
+/// of two rays of a ring that lie Δ of azimuth apart, not 0, are correlated by
 ///
-/// > ρ = share · exp(−Δ / azimuth) · `next_ring`ⁿ.
+/// > ρ = share · exp(−Δ / azimuth).
+///
+/// What neighbours share is what the model does not know of a surface; what is left, 1 − share of the variance of z, is the ray's own. That alone is
+/// drawn: the rest, drawn along rings and across them, lay over streets as clouds that keep to no surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scatter {
     /// Knots in s, ascending.
@@ -56,8 +59,6 @@ pub struct Scatter {
     share: f64,
     /// See above.
     azimuth_deg: f64,
-    /// See above.
-    next_ring: f64,
 }
 
 /// A scan's rays: what the model says and what was measured; nothing where one of them is missing. Rows are rings.
@@ -77,7 +78,7 @@ impl Scatter {
         let mut said: Vec<f32> = KNOTS.iter().map(|share| pairs[(share * (found - 1) as f64) as usize].0).collect();
         said.dedup();
         let measured = (0..said.len()).map(|k| quantiles(&pairs, &said, k)).collect();
-        let level = Self { said, measured, share: 0.0, azimuth_deg: 1.0, next_ring: 0.0 };
+        let level = Self { said, measured, share: 0.0, azimuth_deg: 1.0 };
         let numbers: Vec<_> = scans.into_iter().map(|scan| level.numbers(scan)).collect();
         Ok(level.correlated(&numbers, column_deg))
     }
@@ -137,20 +138,18 @@ impl Scatter {
         if variance < 1e-6 {
             return self;
         }
-        let correlation = |rings: usize, columns: usize| {
+        let correlation = |columns: usize| {
             let (mut sum, mut pairs) = (0.0, 0.0);
-            for scan in scans {
-                for (one, other) in scan.iter().zip(&scan[rings..]).filter(|(row, _)| columns < row.len()) {
-                    for (a, b) in one.iter().zip(&other[columns..]) {
-                        if let (Some(a), Some(b)) = (a, b) {
-                            (sum, pairs) = (sum + (a - mean) * (b - mean), pairs + 1.0);
-                        }
+            for row in scans.iter().flatten().filter(|row| columns < row.len()) {
+                for (a, b) in row.iter().zip(&row[columns..]) {
+                    if let (Some(a), Some(b)) = (a, b) {
+                        (sum, pairs) = (sum + (a - mean) * (b - mean), pairs + 1.0);
                     }
                 }
             }
             if pairs > 0.0 { sum / pairs / variance } else { 0.0 }
         };
-        let along = LAGS.map(|lag| (lag as f64 * column_deg, correlation(0, lag)));
+        let along = LAGS.map(|lag| (lag as f64 * column_deg, correlation(lag)));
         let longest = 2.0 * along[LAGS.len() - 1].0;
         let lengths =
             std::iter::successors(Some(column_deg / 2.0), |l| Some(l * LENGTH_STEP)).take_while(|l| *l <= longest);
@@ -163,8 +162,7 @@ impl Scatter {
             (error, share, length)
         });
         let Some((_, share, azimuth_deg)) = fitted.min_by(|a, b| a.0.total_cmp(&b.0)) else { return self };
-        let next_ring = if share > 0.0 { (correlation(1, 0) / share).clamp(0.0, 0.95) } else { 0.0 };
-        Self { share, azimuth_deg, next_ring, ..self }
+        Self { share, azimuth_deg, ..self }
     }
 }
 
@@ -206,10 +204,7 @@ fn rows(sample: &Sample, answer: &Answer) -> Rows {
 
 impl fmt::Display for Scatter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "correlated by {:.3} · exp(−Δ / {:.2}°) along a ring and {:.3} as much on the next",
-            self.share, self.azimuth_deg, self.next_ring
-        )
+        let own = 1.0 - self.share;
+        write!(f, "{own:.3} of the variance a ray's own, the rest shared along rings over {:.2}°", self.azimuth_deg)
     }
 }
