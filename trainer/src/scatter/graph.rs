@@ -4,13 +4,12 @@ use anyhow::{Result, ensure};
 use burn::module::Module;
 use burn::tensor::module::conv2d;
 use burn::tensor::ops::ConvOptions;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, s};
 use onnx::{Axis, Composition, Exporter};
 use proto::card::{Card, METADATA_KEY, tensor};
 
-use super::{LEVELS, Scatter};
+use super::{LEVELS, Scatter, weight};
 use crate::closed_loop::network::{GENERATED, OUTPUTS};
-use crate::effects::normal;
 
 /// Uniform numbers for each ray.
 const NOISE_CHANNELS: usize = 1;
@@ -64,41 +63,59 @@ impl Scatter {
     }
 
     /// What is reported where a network says `said`; `noise` is independent and uniform. Both `[batch, 1, ring, column]`.
+    ///
+    /// Linear between knots in both: Σ over ramps in the noise and ramps in `said` of their product, times a weight.
     fn reported(&self, said: Tensor<4>, noise: Tensor<4>) -> Tensor<4> {
-        let [batch, _, rings, columns] = noise.dims();
-        let number = normal(noise.reshape([batch, rings, columns])) * (1.0 - self.share).sqrt();
-        let number = number.reshape([batch, 1, rings, columns]);
+        let device = said.device();
+        let levels = LEVELS.map(|(level, _)| level as f32);
+        let own: Vec<[f32; LEVELS.len()]> = self.said.iter().map(|said| self.own(*said)).collect();
+        let along_noise: Vec<Vec<f32>> = own.iter().map(|quantiles| ramp_weights(&levels, quantiles)).collect();
+        let along_said = |level: usize| {
+            let values: Vec<f32> = along_noise.iter().map(|weights| weights[level]).collect();
+            ramp_weights(&self.said, &values)
+        };
+        // By level and knot; the first of each goes with no ramp.
+        let weights: Vec<Vec<f32>> = (0..levels.len()).map(along_said).collect();
+        let flat = |from: usize| -> Vec<f32> {
+            (0..self.said.len()).flat_map(|knot| weights[from..].iter().map(move |level| level[knot])).collect()
+        };
+        let kernel = Tensor::<1>::from_floats(&*flat(1), &device).reshape([self.said.len(), levels.len() - 1, 1, 1]);
+        let bias = Tensor::<1>::from_floats(&*weights[0], &device);
+        let options = ConvOptions::new([1, 1], [0, 0], [1, 1], 1);
+        let mixed = conv2d(ramps(noise, &levels), kernel, Some(bias), options);
+        let first = mixed.clone().slice(s![.., 0..1, .., ..]);
+        if self.said.len() == 1 {
+            return first;
+        }
+        first + (mixed.slice(s![.., 1.., .., ..]) * ramps(said, &self.said)).sum_dim(1)
+    }
+
+    /// Q at each of the levels of what is a ray's own.
+    fn own(&self, said: f32) -> [f32; LEVELS.len()] {
+        let (quantiles, own) = (self.at(said), (1.0 - self.share).sqrt());
         let scores: Vec<f32> = LEVELS.iter().map(|(_, score)| *score as f32).collect();
-        let quantiles: Vec<f32> = self.measured.iter().flatten().copied().collect();
-        let quantiles = Tensor::<1>::from_floats(&*quantiles, &said.device());
-        let quantiles = quantiles.reshape([self.said.len(), LEVELS.len(), 1, 1]);
-        let at_knots = conv2d(weights(number, &scores), quantiles, None, ConvOptions::new([1, 1], [0, 0], [1, 1], 1));
-        (at_knots * weights(said, &self.said)).sum_dim(1)
+        LEVELS.map(|(_, score)| {
+            (0..LEVELS.len()).map(|k| weight(&scores, k, (own * score) as f32) * quantiles[k]).sum::<f32>()
+        })
     }
 }
 
-/// How much each knot counts at each x, `[batch, 1, ring, column]`: one channel each, together 1.
-fn weights(x: Tensor<4>, knots: &[f32]) -> Tensor<4> {
-    let (device, last) = (x.device(), knots.len() - 1);
-    let x = x.clamp(knots[0], knots[last]);
-    if last == 0 {
-        return x * 0.0 + 1.0;
-    }
-    let channels = |value: &dyn Fn(usize) -> f32| {
-        let values: Vec<f32> = (0..=last).map(value).collect();
-        Tensor::<1>::from_floats(&*values, &device).reshape([1, last + 1, 1, 1])
-    };
-    // A line through 0 at the knot before and 1 at the knot; the first has one before it as far away as the second.
-    let before = |k: usize| if k == 0 { 2.0 * knots[0] - knots[1] } else { knots[k - 1] };
-    let after = |k: usize| if k == last { 2.0 * knots[last] - knots[last - 1] } else { knots[k + 1] };
-    let rising = (x.clone() - channels(&before)) * channels(&|k| (knots[k] - before(k)).recip());
-    let falling = (x * -1.0 + channels(&after)) * channels(&|k| (after(k) - knots[k]).recip());
-    rising.min_pair(falling).clamp(0.0, 1.0)
+/// How far x is beyond each knot but the last, and at most as far as that one, `[batch, 1, ring, column]`: a channel each.
+fn ramps(x: Tensor<4>, knots: &[f32]) -> Tensor<4> {
+    let last = knots.len() - 1;
+    let from = Tensor::<1>::from_floats(&knots[..last], &x.device()).reshape([1, last, 1, 1]);
+    (x.clamp_max(knots[last]) - from).clamp_min(0.0)
+}
+
+/// Weights by which ramps, after a constant, add up to these values at the knots.
+fn ramp_weights(knots: &[f32], values: &[f32]) -> Vec<f32> {
+    let slope = |k: usize| (values[k + 1] - values[k]) / (knots[k + 1] - knots[k]);
+    let bend = |k: usize| if k == 0 { slope(0) } else { slope(k) - slope(k - 1) };
+    [values[0]].into_iter().chain((0..knots.len() - 1).map(bend)).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use burn::tensor::TensorData;
     use lidar::ray_drop::uniform;
     use lidar::{RangeImage, Sensor};
     use ort::value::TensorRef;
@@ -204,7 +221,7 @@ mod tests {
                 let mut numbers = vec![0.0; 16 * COLUMNS];
                 uniform(scan, channel, COLUMNS, &mut numbers);
                 let numbers = Tensor::<1>::from_floats(&*numbers, &Device::flex()).reshape([1, 16, COLUMNS]);
-                super::normal(numbers).into_data().iter::<f32>().collect()
+                crate::effects::normal(numbers).into_data().iter::<f32>().collect()
             };
             let (own, fresh) = (normal(2), normal(3));
             let mut image = said(COLUMNS);
@@ -250,16 +267,24 @@ mod tests {
     }
 
     #[test]
-    fn knots_count_in_graphs_as_they_do_in_measuring() {
-        let knots = [0.1, 0.15, 0.4, 0.9];
-        let at: Vec<f32> = (0..50).map(|i| i as f32 / 49.0).collect();
-        let x = Tensor::<4>::from_data(TensorData::new(at.clone(), [1, 1, 1, 50]), &Device::flex());
-        let found: Vec<f32> = weights(x, &knots).into_data().iter::<f32>().collect();
-        for (k, found) in found.chunks(50).enumerate() {
-            for (x, found) in at.iter().zip(found) {
-                let expected = super::super::weight(&knots, k, *x);
-                assert!((found - expected).abs() < 1e-5, "{k} {x}: {found}, expected {expected}");
+    fn a_graph_goes_through_every_quantile_and_straight_between() {
+        let (scatter, device) = (Scatter { said: vec![0.1, 0.15, 0.9], ..scatter(0.0) }, Device::flex());
+        let measured =
+            [0.1, 0.3, 0.2].map(|middle| LEVELS.map(|(level, _)| middle + 0.1 * level.powi(2) as f32)).to_vec();
+        let scatter = Scatter { measured, ..scatter };
+        let at = |said: f32, level: f32| -> f32 {
+            let image = |x: f32| Tensor::<4>::full([1, 1, 1, 1], x, &device);
+            scatter.reported(image(said), image(level)).into_scalar()
+        };
+        for (said, quantiles) in scatter.said.iter().zip(&scatter.measured) {
+            for ((level, _), expected) in LEVELS.iter().zip(quantiles) {
+                let found = at(*said, *level as f32);
+                assert!((found - expected).abs() < 1e-5, "{said} {level}: {found}, expected {expected}");
             }
         }
+        let half = f32::midpoint(scatter.measured[0][5], scatter.measured[1][5]);
+        assert!((at(0.125, 0.5) - half).abs() < 1e-5);
+        assert_eq!([at(0.0, 0.5), at(1.0, 0.5)], [at(0.1, 0.5), at(0.9, 0.5)]);
+        assert_eq!([at(0.1, 0.0), at(0.1, 1.0)], [at(0.1, 0.001), at(0.1, 0.999)]);
     }
 }
