@@ -83,11 +83,13 @@ impl Scatter {
         let bias = Tensor::<1>::from_floats(&*weights[0], &device);
         let options = ConvOptions::new([1, 1], [0, 0], [1, 1], 1);
         let mixed = conv2d(ramps(noise, &levels), kernel, Some(bias), options);
-        let first = mixed.clone().slice(s![.., 0..1, .., ..]);
         if self.said.len() == 1 {
-            return first;
+            return mixed;
         }
-        first + (mixed.slice(s![.., 1.., .., ..]) * ramps(said, &self.said)).sum_dim(1)
+        let products = mixed.clone().slice(s![.., 1.., .., ..]) * ramps(said, &self.said);
+        // ONNX Runtime's sum along an axis rounds otherwise in a batch than alone.
+        let product = |k: usize| products.clone().slice(s![.., k..=k, .., ..]);
+        (0..self.said.len() - 1).fold(mixed.slice(s![.., 0..1, .., ..]), |sum, k| sum + product(k))
     }
 
     /// Q at each of the levels of what is a ray's own.
