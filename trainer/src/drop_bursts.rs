@@ -260,7 +260,7 @@ mod tests {
         let pixel = kept.iter().map(|kept| if *kept { Pixel::Kept } else { Pixel::Dropped }).collect();
         let sample = Sample { simulated: wall.clone(), real: wall, pixel, keep_weight: vec![1.0; pixels] };
         let keep = keep.into_iter().map(told).collect();
-        (sample, Answer { range_m: vec![9.0; pixels], reflectance: vec![0.5; pixels], keep })
+        (sample, Answer { range_m: vec![9.0; pixels], reflectance: vec![0.5; pixels], keep, scatter: None })
     }
 
     fn counted(bursts: &Bursts, told: impl Fn(f32) -> f32) -> Lost {

@@ -11,7 +11,7 @@ use burn::tensor::{Device, Tensor};
 use lidar::Sensor;
 use lidar::label::CLASS_NAMES;
 use lidar::ray_drop::Bursts;
-use onnx::{Axis, Exporter};
+use onnx::{Axis, Exporter, Sizes};
 use proto::card::{Card, METADATA_KEY, SCHEMA, tensor};
 
 use crate::config::{AnyConfig, DataConfig, TrainConfig};
@@ -20,7 +20,7 @@ use crate::data::scans::classes_seen;
 use crate::evaluate::Scores;
 use crate::exported::with_measured;
 use crate::generator::{Generator, Phased};
-use crate::network::{COLUMN_MULTIPLE, UNet};
+use crate::network::{COLUMN_MULTIPLE, Measurement, UNet};
 use crate::train::{best_network, supervised};
 use crate::translation::config::Split;
 use crate::translation::training::{Trained, TranslationScores};
@@ -29,27 +29,32 @@ use crate::translation::{self, Domain, Method, TranslationConfig};
 /// Columns that a graph is traced at; far more than any network's reach.
 const TRACED_COLUMNS: usize = 128;
 
-/// Writes a network and its card as ONNX bytes: physical units in and out, batch and column left free.
+/// Writes a network and its card as ONNX bytes: physical units in and out, batch and column left free. Where the card has noise, that is
+/// an input, and draws the reflectances.
 pub fn to_onnx<G: Generator + Module>(network: &G, card: &Card) -> Result<Vec<u8>> {
     let (rings, device) = (card.sensor.rings().len(), Device::flex());
-    let column = Axis::new("column", TRACED_COLUMNS).multiple_of(card.column_multiple).on(tensor::SCAN, 3);
-    let bytes = Exporter::new()
-        .input(tensor::SCAN)
+    let inputs = if card.noise_channels == 0 { vec![tensor::SCAN] } else { vec![tensor::SCAN, tensor::NOISE] };
+    let on_all = |axis: Axis, place: usize| inputs.iter().fold(axis, |axis, name| axis.on(name, place));
+    let column = Axis::new("column", TRACED_COLUMNS).multiple_of(card.column_multiple);
+    let exporter = inputs
+        .iter()
+        .fold(Exporter::new(), |exporter, name| exporter.input(name))
         .output(tensor::RANGE)
         .output(tensor::REFLECTANCE)
         .output(tensor::KEEP)
-        .dynamic(Axis::new("batch", 1).on(tensor::SCAN, 0))
-        .dynamic(column)
-        .metadata(METADATA_KEY, &card.to_json())
-        .export(
-            network,
-            |sizes| Tensor::<4>::zeros([sizes["batch"], tensor::SCAN_CHANNELS, rings, sizes["column"]], &device),
-            |network, scan| {
-                let measured = network.measure(scan);
-                (measured.range_m, measured.reflectance, measured.keep)
-            },
-        )?;
-    Ok(bytes)
+        .dynamic(on_all(Axis::new("batch", 1), 0))
+        .dynamic(on_all(column, 3))
+        .metadata(METADATA_KEY, &card.to_json());
+    let image =
+        |sizes: &Sizes, channels| Tensor::<4>::zeros([sizes["batch"], channels, rings, sizes["column"]], &device);
+    let outputs = |measured: Measurement| (measured.range_m, measured.reflectance, measured.keep);
+    let scan = |sizes: &Sizes| image(sizes, tensor::SCAN_CHANNELS);
+    Ok(if card.noise_channels == 0 {
+        exporter.export(network, scan, |network, scan| outputs(network.measure(scan)))?
+    } else {
+        let with_noise = |sizes: &Sizes| (scan(sizes), image(sizes, card.noise_channels));
+        exporter.export(network, with_noise, |network, (scan, noise)| outputs(network.measure(scan).drawn(&noise)))?
+    })
 }
 
 /// The best network of a run, scored anew, as ONNX bytes that ONNX Runtime reads as Burn does, and its card.
@@ -69,7 +74,8 @@ pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
                 Trained::Translator(network) => in_phases(*network, phases, card),
                 Trained::UNet(network) => in_phases(*network, phases, card),
             }?;
-            with_measured(onnx, card, data_root, &config.real.train, config.learns_pairs())
+            let answers_with_middle = config.learns_pairs() && !config.generator.scatter;
+            with_measured(onnx, card, data_root, &config.real.train, answers_with_middle)
         }
     }
 }
@@ -99,7 +105,7 @@ fn translation_card(config: &TranslationConfig, data_root: &Path, scores: &Trans
         trained_on,
         column_multiple: config.multiple() * phases,
         sensor,
-        noise_channels: 0,
+        noise_channels: usize::from(config.generator.scatter),
         adds_returns: false,
         drop_bursts: Bursts::default(),
         classes: CLASS_NAMES.iter().map(ToString::to_string).collect(),

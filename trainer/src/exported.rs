@@ -80,18 +80,19 @@ fn answer(onnx: &[u8], card: &Card, images: &[RangeImage], without_own_vehicle: 
         range_m: answer.image.range_m().to_vec(),
         reflectance: answer.image.reflectance().to_vec(),
         keep: answer.keep,
+        scatter: None,
     });
     Ok(samples.into_iter().zip(answers).collect())
 }
 
-/// The same model with what real scans show of it that it cannot say of each ray: which are lost together, and, where it `learned_pairs`, how
-/// reflectances scatter about its own. Measured on the scans that it learned from: those of one width whose drops were observed.
+/// The same model with what real scans show of it that it cannot say of each ray: which are lost together, and, where it says the
+/// `middle` of them, how reflectances scatter about that. Measured on the scans that it learned from: those of one width whose drops were observed.
 pub fn with_measured(
     onnx: Vec<u8>,
     card: Card,
     data_root: &Path,
     learned: &[DataConfig],
-    learned_pairs: bool,
+    middle: bool,
 ) -> Result<(Vec<u8>, Card)> {
     let observed: Vec<&DataConfig> = learned.iter().filter(|data| data.drops_observed).collect();
     let Some(first) = observed.first() else { return Ok((onnx, card)) };
@@ -104,7 +105,7 @@ pub fn with_measured(
     let answered = answer(&onnx, &card, &images, true)?;
     let drop_bursts = Lost::count(&answered, column_deg).fit()?;
     let (onnx, card) = told(&onnx, Card { drop_bursts, ..card })?;
-    if learned_pairs { Scatter::measure(&answered, column_deg)?.behind(&onnx, card) } else { Ok((onnx, card)) }
+    if middle { Scatter::measure(&answered, column_deg)?.behind(&onnx, card) } else { Ok((onnx, card)) }
 }
 
 /// The same model with another card.

@@ -2,11 +2,14 @@
 
 mod phased;
 
+use crate::network::scatter::laplace;
+use crate::network::{Measurement, UNet};
 use burn::tensor::{Device, Tensor, TensorData, s};
 use lidar::RangeImage;
-use lidar::ray_drop::RayDrop;
+use lidar::ray_drop::{RayDrop, uniform};
 
-use crate::network::{Measurement, UNet};
+/// The channel of the contract's noise that reflectances are drawn by.
+const SCATTER: u32 = 1;
 
 pub use phased::Phased;
 
@@ -29,7 +32,8 @@ pub struct PassThrough;
 impl Generator for PassThrough {
     fn measure(&self, scan: Tensor<4>) -> Measurement {
         let channel = |i: usize| scan.clone().slice(s![.., i..i + 1, .., ..]);
-        Measurement { range_m: channel(0), reflectance: channel(1), keep: channel(0).greater_elem(0.0).float() }
+        let keep = channel(0).greater_elem(0.0).float();
+        Measurement { range_m: channel(0), reflectance: channel(1), keep, scatter: None }
     }
 }
 
@@ -42,6 +46,8 @@ pub struct Answer {
     pub reflectance: Vec<f32>,
     /// Probability that the ray is reported.
     pub keep: Vec<f32>,
+    /// Mean distance of reported reflectances from that one, where the network says it; they follow Laplace's distribution.
+    pub scatter: Option<Vec<f32>>,
 }
 
 /// What a generator makes of scans, each scan's rays drawn once, with its number as seed.
@@ -63,6 +69,7 @@ impl Answer {
             range_m: values(measured.range_m),
             reflectance: values(measured.reflectance),
             keep: values(measured.keep),
+            scatter: measured.scatter.map(values),
         }
     }
 
@@ -70,15 +77,27 @@ impl Answer {
     pub fn drawn(&self, simulated: &RangeImage, seed: u64) -> RangeImage {
         let mut keep = vec![];
         RayDrop::default().sample(seed, simulated, &self.keep, &mut keep);
+        let reflectance = self.reflectances(seed, simulated.columns());
         let mut out = simulated.clone();
         for (i, keep) in keep.into_iter().enumerate() {
             if keep && simulated.range_m()[i] > 0.0 && self.range_m[i] > 0.0 && self.range_m[i].is_finite() {
-                out.set(i, self.range_m[i], self.reflectance[i], simulated.class()[i]);
+                out.set(i, self.range_m[i], reflectance[i], simulated.class()[i]);
             } else {
                 out.remove(i);
             }
         }
         out
+    }
+
+    /// Reflectances with their scatter, if they have any.
+    fn reflectances(&self, seed: u64, columns: usize) -> Vec<f32> {
+        let Some(scatter) = &self.scatter else { return self.reflectance.clone() };
+        let mut noise = vec![0.0; scatter.len()];
+        uniform(seed, SCATTER, columns, &mut noise);
+        let noise = laplace(Tensor::from_data(TensorData::new(noise, [1, 1, 1, scatter.len()]), &Device::flex()));
+        let noise = noise.into_data();
+        let drawn = self.reflectance.iter().zip(scatter).zip(noise.iter::<f32>());
+        drawn.map(|((middle, scale), off)| (middle + scale * off).clamp(0.0, 1.0)).collect()
     }
 }
 
@@ -90,7 +109,8 @@ mod tests {
     fn as_many_rays_are_drawn_as_the_answer_says_and_none_where_the_simulation_has_none() {
         let mut simulated = RangeImage::from_channels(1000, vec![5.0; 2000], vec![0.5; 2000], vec![9; 2000]);
         (0..500).for_each(|i| simulated.remove(i));
-        let answer = Answer { range_m: vec![5.1; 2000], reflectance: vec![0.25; 2000], keep: vec![0.8; 2000] };
+        let answer =
+            Answer { range_m: vec![5.1; 2000], reflectance: vec![0.25; 2000], keep: vec![0.8; 2000], scatter: None };
         let drawn = answer.drawn(&simulated, 4);
         assert!(drawn.range_m()[..500].iter().all(|r| *r == 0.0));
         // 1200 of 1500 are expected; four standard deviations to either side.

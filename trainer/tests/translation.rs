@@ -6,6 +6,9 @@ use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::{Device, Tensor, s};
 use lidar::RangeImage;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
 use toy::{COLUMNS, FAR_M, Fact, config, measured, walls};
 use trainer::network::resnet::IMAGE_CHANNELS;
 use trainer::train::Parts;
@@ -18,11 +21,15 @@ use trainer::translation::{Domain, Sampler, TranslationConfig};
 /// After so many steps, games are judged.
 const STEPS: usize = 160;
 
-/// How probable it is, on average, that rays nearer and farther than [`FAR_M`] are reported.
-fn keeps(answer: &[f32], image: &RangeImage) -> (f32, f32) {
+/// Standard deviations of what is reported about a middle.
+const NEAR_SPREAD: f32 = 0.02;
+const FAR_SPREAD: f32 = 0.1;
+
+/// The mean over rays nearer and over those farther than [`FAR_M`].
+fn by_distance(answer: &[f32], image: &RangeImage) -> (f32, f32) {
     let mean = |far: bool| {
         let rays: Vec<f32> =
-            image.range_m().iter().zip(answer).filter(|(r, _)| (**r > FAR_M) == far).map(|(_, keep)| *keep).collect();
+            image.range_m().iter().zip(answer).filter(|(r, _)| (**r > FAR_M) == far).map(|(_, value)| *value).collect();
         rays.iter().sum::<f32>() / rays.len() as f32
     };
     (mean(false), mean(true))
@@ -84,7 +91,7 @@ fn learned(method: &str, twins: f64, start: u64, steps: usize) -> Result<(f32, f
     let view = config.reporting()?.coding.view(&scans(std::slice::from_ref(&image), &device));
     let logit: Tensor<4> = learner.generator().forward(view.image, &view.condition).keep_logit;
     let keep: Vec<f32> = burn::tensor::activation::sigmoid(logit).slice(s![0..1]).into_data().iter::<f32>().collect();
-    Ok(keeps(&keep, &image))
+    Ok(by_distance(&keep, &image))
 }
 
 /// The sensor keeps all near rays and four of ten far ones; to begin with, about half of all. So few steps of a game between two networks
@@ -118,6 +125,41 @@ fn twins_say_how_many_rays_are_lost() -> Fact {
             );
         }
     }
+    Ok(())
+}
+
+/// The real sensor's reflectances scatter about 0.8: those of near rays little, those of far ones much. The simulator's are 1.
+#[test]
+fn twins_say_how_far_reflectances_scatter() -> Fact {
+    let mut config = config("paired", "")?;
+    config.generator.scatter = true;
+    let device = Device::flex().autodiff();
+    let mut sampler = sampler(&config);
+    sampler.disguise = Some(Disguise { attenuation_per_m: Some(0.0), ..Disguise::default() });
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let normal = Normal::new(0.0, 1.0)?;
+    for image in &mut sampler.real.images {
+        for i in 0..image.range_m().len() {
+            let range_m = image.range_m()[i];
+            if range_m > 0.0 {
+                let spread = if range_m > FAR_M { FAR_SPREAD } else { NEAR_SPREAD };
+                image.set(i, range_m, 0.8 + spread * normal.sample(&mut rng), image.class()[i]);
+            }
+        }
+    }
+    let mut learner = begun(&config, 1, &device)?;
+    for number in 0..3 * STEPS {
+        learner.step(&step(&config, &sampler, number, &device)?);
+    }
+    let mut image = walls(1000);
+    (0..16 * COLUMNS).for_each(|i| image.set(i, image.range_m()[i], 1.0, image.class()[i]));
+    let view = config.reporting()?.coding.view(&scans(std::slice::from_ref(&image), &device));
+    let scatter = learner.generator().forward(view.image, &view.condition).scatter.ok_or("no scatter")?;
+    // The code is twice as wide as reflectances are.
+    let scatter: Vec<f32> = scatter.into_data().iter::<f32>().map(|scale| scale / 2.0).collect();
+    let (near, far) = by_distance(&scatter, &image);
+    let between = |found: f32, spread: f32| (0.5 * spread..1.5 * spread).contains(&found);
+    assert!(between(near, NEAR_SPREAD) && between(far, FAR_SPREAD), "{near} {far}");
     Ok(())
 }
 

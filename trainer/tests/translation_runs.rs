@@ -10,7 +10,6 @@ use lidar::{Sensor, formats};
 use scene::street::{StreetConfig, street};
 use scene::{Motion, Pose, cast};
 use toy::{COLUMNS, Fact, config, measured, walls};
-use trainer::export;
 use trainer::generator::Answer;
 use trainer::realness::Protocol;
 use trainer::segmentation::weights::SegmentationCard;
@@ -19,6 +18,7 @@ use trainer::train::{Run, checkpoint};
 use trainer::translation::table::{Table, evaluate};
 use trainer::translation::training::best_network;
 use trainer::translation::{TranslationConfig, train};
+use trainer::{export, exported};
 
 /// Scans of both domains in files, four of each part.
 fn write_domains(root: &Path) -> Fact {
@@ -81,6 +81,31 @@ fn what_a_network_is_told_besides_is_part_of_its_file() -> Fact {
     }
     // The two slopes of the relief are, beside the correction of the range.
     assert!(squashed[1] > squashed[0], "{squashed:?}");
+    Ok(())
+}
+
+/// [`export::export`] has also compared what it draws, noise by noise.
+#[test]
+fn reflectances_that_scatter_are_drawn_by_the_files_noise() -> Fact {
+    let root = tempfile::tempdir()?;
+    write_domains(root.path())?;
+    let mut config = config("paired", "steps = 1\ncheckpoint_every = 1\nsamples_every = 0")?;
+    config.generator.scatter = true;
+    let run = run(root.path());
+    train(&config, &run)?;
+    let (onnx, card) = export::export(&run.out, root.path())?;
+    assert_eq!((card.noise_channels, exported::card(&onnx)?.noise_channels), (1, 1));
+    let image = walls(1);
+    let answer = Answer::new(&best_network(&config, &run.out)?, &image, &Device::flex());
+    let off = |seed| {
+        let drawn = answer.drawn(&image, seed);
+        let pairs = drawn.reflectance().iter().zip(&answer.reflectance).zip(drawn.range_m());
+        let off: Vec<f32> = pairs.filter(|(_, range_m)| **range_m > 0.0).map(|((a, b), _)| (a - b).abs()).collect();
+        off.iter().sum::<f32>() / off.len() as f32
+    };
+    let scatter = answer.scatter.as_ref().ok_or("no scatter")?;
+    let expected = scatter.iter().sum::<f32>() / scatter.len() as f32;
+    assert!((off(1) / expected - 1.0).abs() < 0.2 && off(1) != off(2), "{} {expected}", off(1));
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use lidar::RangeImage;
+use lidar::label::CLASSES;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -81,6 +82,8 @@ pub enum SimulatedReflectance {
     Constant(f32),
     /// Coarse albedo: the measured reflectance averaged along the ring over this many columns on either side, times a gain.
     Albedo(usize, f32),
+    /// Whatever belongs to a class has one reflectance, as in simulators that know materials.
+    ByClass([f32; CLASSES]),
 }
 
 impl Sampler {
@@ -130,12 +133,18 @@ impl SimulatedReflectance {
         }
     }
 
+    /// The same of scans with labels: half the time each class has a reflectance of its own.
+    pub(crate) fn random_where_labelled(rng: &mut impl Rng) -> Self {
+        if rng.random_bool(0.5) { Self::ByClass(std::array::from_fn(|_| rng.random())) } else { Self::random(rng) }
+    }
+
     /// The reflectances of an image, `[ring, column]`.
     pub(crate) fn of(self, image: &RangeImage) -> Vec<f32> {
         let (columns, range_m, measured) = (image.columns(), image.range_m(), image.reflectance());
         match self {
             Self::Attenuation(rate) => range_m.iter().map(|r| (-rate * r).exp()).collect(),
             Self::Constant(value) => vec![value; range_m.len()],
+            Self::ByClass(values) => image.class().iter().map(|class| values[usize::from(*class)]).collect(),
             Self::Albedo(reach, gain) => (0..range_m.len())
                 .map(|i| {
                     let row = i / columns * columns;
@@ -261,6 +270,18 @@ mod tests {
             pixel,
             keep_weight: (0..pixels).map(|i| i as f32).collect(),
         }
+    }
+
+    #[test]
+    fn simulators_that_know_materials_have_one_reflectance_a_class() {
+        let image = RangeImage::from_channels(4, vec![3.0, 9.0, 3.0, 9.0], vec![0.1, 0.2, 0.3, 0.4], vec![1, 1, 9, 9]);
+        let mut values = [0.0; CLASSES];
+        (values[1], values[9]) = (0.7, 0.3);
+        assert_eq!(SimulatedReflectance::ByClass(values).of(&image), [0.7, 0.7, 0.3, 0.3]);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let by_class = |x: &SimulatedReflectance| matches!(x, SimulatedReflectance::ByClass(_));
+        let drawn = (0..1000).map(|_| SimulatedReflectance::random_where_labelled(&mut rng)).filter(by_class).count();
+        assert!((400..600).contains(&drawn), "{drawn}");
     }
 
     #[test]

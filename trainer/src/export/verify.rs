@@ -29,9 +29,16 @@ pub(super) fn agrees(network: &impl Generator, onnx: &[u8], card: &Card) -> Resu
     for (batch, columns) in sizes.into_iter().chain([(1, card.sensor.columns())]) {
         let size = [batch, tensor::SCAN_CHANNELS, rings, columns];
         let scan = random_scans(size, far_m);
-        let outputs =
-            session.run(ort::inputs![tensor::SCAN => TensorRef::from_array_view((size, scan.as_slice()))?])?;
-        let measured = network.measure(Tensor::from_data(TensorData::new(scan, size), &device));
+        let mut inputs = ort::inputs![tensor::SCAN => TensorRef::from_array_view((size, scan.as_slice()))?];
+        let noise_size = [batch, card.noise_channels, rings, columns];
+        let noise = random_noise(noise_size);
+        if !noise.is_empty() {
+            inputs.push((tensor::NOISE.into(), TensorRef::from_array_view((noise_size, noise.as_slice()))?.into()));
+        }
+        let outputs = session.run(inputs)?;
+        let burn = |values: &[f32], size| Tensor::from_data(TensorData::new(values.to_vec(), size), &device);
+        let measured = network.measure(burn(&scan, size));
+        let measured = if noise.is_empty() { measured } else { measured.drawn(&burn(&noise, noise_size)) };
         for (name, burn, scale) in [
             (tensor::RANGE, measured.range_m, far_m),
             (tensor::REFLECTANCE, measured.reflectance, 1.0),
@@ -50,6 +57,12 @@ pub(super) fn agrees(network: &impl Generator, onnx: &[u8], card: &Card) -> Resu
         }
     }
     Ok(())
+}
+
+/// Uniform numbers.
+fn random_noise(size: [usize; 4]) -> Vec<f32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    (0..size.iter().product()).map(|_| rng.random()).collect()
 }
 
 /// Ranges up to the farthest, a third of them none; reflectances; classes.

@@ -35,6 +35,7 @@ impl<M: Generator + Module> Generator for Phased<M> {
             range_m: together(measured.range_m),
             reflectance: together(measured.reflectance),
             keep: together(measured.keep),
+            scatter: measured.scatter.map(together),
         }
     }
 }
@@ -54,7 +55,7 @@ mod tests {
             let turned = channel(1);
             let reflectance =
                 Tensor::cat(vec![turned.clone().slice(s![.., .., .., 1..]), turned.slice(s![.., .., .., 0..1])], 3);
-            Measurement { range_m: channel(0), reflectance, keep: channel(0) * 0.0 + 1.0 }
+            Measurement { range_m: channel(0), reflectance, keep: channel(0) * 0.0 + 1.0, scatter: None }
         }
     }
 

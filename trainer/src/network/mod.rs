@@ -13,6 +13,7 @@ mod relief;
 mod residual;
 pub mod resnet;
 mod rings;
+pub mod scatter;
 mod unet;
 
 use burn::tensor::Tensor;
@@ -23,6 +24,7 @@ pub use patch_gan::{PatchGan, PatchGanConfig};
 pub use patch_nce::{PatchHeads, Places};
 pub use range_code::{RangeCode, RangeCoder};
 pub use resnet::{Generated, Output, Resnet, ResnetConfig};
+use scatter::laplace;
 pub use unet::{COLUMN_MULTIPLE, UNet, UNetConfig};
 
 /// What the sensor measures, each `[batch, 1, ring, column]`, in physical units.
@@ -34,6 +36,18 @@ pub struct Measurement {
     pub reflectance: Tensor<4>,
     /// Probability that the sensor reports the ray.
     pub keep: Tensor<4>,
+    /// Mean distance of reported reflectances from that one, where the network says it; they follow Laplace's distribution.
+    pub scatter: Option<Tensor<4>>,
+}
+
+impl Measurement {
+    /// The same with its reflectances drawn by uniform numbers from 0 to 1, `[batch, 1, ring, column]`, where they scatter.
+    #[must_use]
+    pub fn drawn(self, uniform: &Tensor<4>) -> Self {
+        let drawn = |scale: Tensor<4>| (self.reflectance.clone() + laplace(uniform.clone()) * scale).clamp(0.0, 1.0);
+        let reflectance = self.scatter.clone().map_or(self.reflectance.clone(), drawn);
+        Self { reflectance, ..self }
+    }
 }
 
 /// A [`Measurement`] before its last non-linearities, each `[batch, 1, ring, column]`.

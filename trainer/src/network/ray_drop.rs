@@ -30,7 +30,11 @@ mod tests {
         device.seed(2);
         let logits = TensorData::new([-2f32, -0.5, 0.0, 1.0].repeat(10_000), [1, 1, 10_000, 4]);
         let keep_logit = Tensor::<4>::from_data(logits, &device).require_grad();
-        let generated = Generated { image: keep_logit.zeros_like().repeat_dim(1, 2), keep_logit: keep_logit.clone() };
+        let generated = Generated {
+            image: keep_logit.zeros_like().repeat_dim(1, 2),
+            keep_logit: keep_logit.clone(),
+            scatter: None,
+        };
         for alpha in [0.5, 1.0] {
             let uniform = Tensor::random([1, 1, 10_000, 4], Distribution::Uniform(0.0, 1.0), &device);
             let mask = generated.reported(uniform, alpha);

@@ -18,6 +18,7 @@ use super::norm::NormKind;
 use super::relief::{RELIEF_CHANNELS, with_relief};
 use super::residual::{Block, Stage};
 use super::rings::Rings;
+use super::scatter::scale;
 
 /// Channels of what the generator is given and gives: range code and reflectance, −1 to 1; it gives a logit of the ray drop besides.
 pub const IMAGE_CHANNELS: usize = 2;
@@ -28,6 +29,7 @@ pub(super) const HALVINGS: usize = 2;
 /// Size of a [`Resnet`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[expect(clippy::struct_excessive_bools, reason = "parts that a network has or has not, each whatever the others are")]
 pub struct ResnetConfig {
     /// Channels of the first layer; the papers' ngf.
     pub width: usize,
@@ -51,6 +53,8 @@ pub struct ResnetConfig {
     /// Whether the network is told beside range code and reflectance how steep surfaces are to the rays that hit them; the papers' have to
     /// find out. It takes a code for rays without a return that no return has, −1.
     pub relief: bool,
+    /// Whether the network also says how far reflectances scatter about its own.
+    pub scatter: bool,
     /// What the last layer says.
     pub output: Output,
     /// The most that a [correction](Output::Correction) changes a range code by: 0.01 of the logarithmic code are 2.4 % of r + 1 m where a
@@ -81,6 +85,7 @@ impl Default for ResnetConfig {
             rings: 0,
             details: false,
             relief: false,
+            scatter: false,
             output: Output::Whole,
             range_reach: 1.0,
         }
@@ -103,6 +108,8 @@ pub struct Resnet {
     #[module(skip)]
     relief: bool,
     #[module(skip)]
+    scatter: bool,
+    #[module(skip)]
     output: Output,
     #[module(skip)]
     range_reach: f32,
@@ -115,6 +122,8 @@ pub struct Generated {
     pub image: Tensor<4>,
     /// Logit of the probability that the ray is reported, `[batch, 1, ring, column]`.
     pub keep_logit: Tensor<4>,
+    /// Mean distance of reported reflectances from the image's, in its code, `[batch, 1, ring, column]`; where the network says it.
+    pub scatter: Option<Tensor<4>>,
 }
 
 impl Generated {
@@ -122,7 +131,7 @@ impl Generated {
     #[must_use]
     pub fn scans(&self, numbers: Range<usize>) -> Self {
         let of = |x: &Tensor<4>| x.clone().slice(s![numbers.clone()]);
-        Self { image: of(&self.image), keep_logit: of(&self.keep_logit) }
+        Self { image: of(&self.image), keep_logit: of(&self.keep_logit), scatter: self.scatter.as_ref().map(of) }
     }
 }
 
@@ -136,10 +145,11 @@ impl ResnetConfig {
             rings: (self.rings > 0).then(|| Rings::new(self, device)),
             blocks: (joined..self.blocks).map(|_| Block::new(self, device)).collect(),
             up: (0..HALVINGS).rev().map(|i| Stage::new([width << (i + 1), width << i], 3, self, device)).collect(),
-            head: conv([width, IMAGE_CHANNELS + 1], 7, 0, CUTS_GAIN, device),
+            head: conv([width, self.said()], 7, 0, CUTS_GAIN, device),
             border: self.border,
             details: self.details,
             relief: self.relief,
+            scatter: self.scatter,
             output: self.output,
             range_reach: self.range_reach,
         }
@@ -148,6 +158,11 @@ impl ResnetConfig {
     /// The number of blocks after which image and condition are added: four of nine.
     pub(super) fn joined(&self) -> usize {
         self.blocks / 2
+    }
+
+    /// Channels of what the last layer says.
+    pub(super) fn said(&self) -> usize {
+        IMAGE_CHANNELS + 1 + usize::from(self.scatter)
     }
 
     /// What rings and columns have to be multiples of.
@@ -211,7 +226,8 @@ impl Resnet {
                 image + Tensor::cat(vec![channels(0, 1).tanh() * self.range_reach, channels(1, 2)], 1)
             }
         };
-        Generated { image, keep_logit: channels(IMAGE_CHANNELS, IMAGE_CHANNELS + 1) }
+        let scatter = self.scatter.then(|| scale(channels(IMAGE_CHANNELS + 1, IMAGE_CHANNELS + 2)));
+        Generated { image, keep_logit: channels(IMAGE_CHANNELS, IMAGE_CHANNELS + 1), scatter }
     }
 
     /// The latent features after the first block that knows the condition, and what of the image was halved before; they and those that are

@@ -3,7 +3,7 @@
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 
-use super::resnet::{IMAGE_CHANNELS, ResnetConfig};
+use super::resnet::ResnetConfig;
 
 /// What makes ring 7 differ from ring 8: lasers differ in power, receivers in gain.
 #[derive(Module, Debug)]
@@ -18,6 +18,6 @@ impl Rings {
     /// None differs to begin with.
     pub(super) fn new(config: &ResnetConfig, device: &Device) -> Self {
         let zeros = |channels| Param::from_tensor(Tensor::zeros([1, channels, config.rings, 1], device));
-        Self { stem: zeros(config.width), head: zeros(IMAGE_CHANNELS + 1) }
+        Self { stem: zeros(config.width), head: zeros(config.said()) }
     }
 }

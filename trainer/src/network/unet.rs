@@ -94,7 +94,12 @@ impl UNet {
         let wrapped = Tensor::cat(vec![before, scan, after], 3);
         let measured = self.predict(&wrapped).measure();
         let cut = |x: Tensor<4>| x.slice(s![.., .., .., WRAP..WRAP + columns]);
-        Measurement { range_m: cut(measured.range_m), reflectance: cut(measured.reflectance), keep: cut(measured.keep) }
+        Measurement {
+            range_m: cut(measured.range_m),
+            reflectance: cut(measured.reflectance),
+            keep: cut(measured.keep),
+            scatter: None,
+        }
     }
 
     /// The same for a cut-out of a turn, before the last non-linearities: what the losses want.
@@ -154,6 +159,7 @@ impl Prediction {
             range_m: (self.log_range.exp() - 1.0) * self.valid.clone(),
             reflectance: sigmoid(self.reflectance_logit) * self.valid.clone(),
             keep: sigmoid(self.keep_logit) * self.valid,
+            scatter: None,
         }
     }
 }

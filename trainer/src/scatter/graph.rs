@@ -195,7 +195,7 @@ mod tests {
         let (range_m, reflectance) = (vec![9.0; pixels], said(COLUMNS).reflectance().to_vec());
         let pixel = vec![Pixel::Kept; pixels];
         let sample = Sample { simulated: said(COLUMNS), real, pixel, keep_weight: vec![1.0; pixels] };
-        (sample, Answer { range_m, reflectance, keep: vec![1.0; pixels] })
+        (sample, Answer { range_m, reflectance, keep: vec![1.0; pixels], scatter: None })
     }
 
     fn measured(scans: Vec<RangeImage>) -> Result<Scatter> {

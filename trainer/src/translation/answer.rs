@@ -17,6 +17,15 @@ pub struct Reporting {
     pub ray_drop: bool,
 }
 
+/// The uniform numbers that draw an answer, each `[batch, 1, ring, column]`.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// Which rays are reported.
+    pub ray_drop: Tensor<4>,
+    /// Which reflectances they have, where these scatter.
+    pub scatter: Tensor<4>,
+}
+
 /// An answer as a discriminator sees it.
 #[derive(Clone, Debug)]
 pub struct Answer {
@@ -27,13 +36,12 @@ pub struct Answer {
 }
 
 impl Reporting {
-    /// The answer to a scan whose rays may be reported where `possible` is 1; `uniform` numbers draw which are. Both
-    /// `[batch, 1, ring, column]`.
+    /// The answer to a scan whose rays may be reported where `possible` is 1, `[batch, 1, ring, column]`.
     ///
     /// What comes of a simulated ray that hits nothing is decided by the simulation, in training as in the service: nothing.
-    pub fn answer(&self, generated: Generated, possible: Tensor<4>, uniform: Tensor<4>) -> Answer {
-        let reported = if self.ray_drop { generated.reported(uniform, ALPHA) * possible } else { possible };
-        Answer { image: self.coding.report(generated.image, &reported), reported }
+    pub fn answer(&self, generated: &Generated, possible: Tensor<4>, chance: Drawn) -> Answer {
+        let reported = if self.ray_drop { generated.reported(chance.ray_drop, ALPHA) * possible } else { possible };
+        Answer { image: self.coding.report(generated.drawn(chance.scatter), &reported), reported }
     }
 }
 
@@ -52,8 +60,9 @@ mod tests {
         let shown = |ray_drop: bool| {
             let reporting = Reporting { coding: Coding { range, unreported: Unreported::MinusOne }, ray_drop };
             let image = Tensor::zeros([1, 2, 1, 4], &device) + 0.3;
-            let generated = Generated { image, keep_logit: row([9.0, 9.0, -9.0, -9.0]) };
-            let answer = reporting.answer(generated, row([1.0, 0.0, 1.0, 0.0]), row([0.5; 4]));
+            let generated = Generated { image, keep_logit: row([9.0, 9.0, -9.0, -9.0]), scatter: None };
+            let chance = Drawn { ray_drop: row([0.5; 4]), scatter: row([0.5; 4]) };
+            let answer = reporting.answer(&generated, row([1.0, 0.0, 1.0, 0.0]), chance);
             answer.image.into_data().iter::<f32>().take(4).collect::<Vec<_>>()
         };
         for (found, expected) in shown(true).iter().zip([0.3, -1.0, -1.0, -1.0]) {

@@ -265,6 +265,10 @@ impl TranslationConfig {
             !self.generator.relief || self.unreported == Unreported::MinusOne,
             "generator.relief: rays without a return have to differ from all returns; expected unreported = \"minus_one\""
         );
+        ensure!(
+            !self.generator.scatter || !matches!(self.method, Method::UNet | Method::Distil),
+            "generator.scatter: a U-Net has none, and a teacher's answers show none; expected another method"
+        );
         let d = &self.discriminator;
         for (name, gain) in [("generator", self.generator.gain), ("discriminator", d.gain)] {
             ensure!(gain > 0.0 && gain <= 10.0, "{name}.gain is {gain}, expected more than 0, at most 10");
@@ -345,6 +349,13 @@ mod tests {
             ("[discriminator]\nhalvings = 5", "rings: 64 hold no patch"),
         ] {
             assert!(refusal(extra, "").contains(word), "{extra}: {}", refusal(extra, ""));
+        }
+        let scattering = text("[generator]\nscatter = true", "");
+        assert!(parse(&scattering).is_ok());
+        for method in ["unet", "distil"] {
+            let refused =
+                parse(&scattering.replace("cls2r", method)).map_or_else(|e| format!("{e:#}"), |_| String::new());
+            assert!(refused.contains("generator.scatter"), "{method}: {refused}");
         }
         assert!(refusal("", "drops_observed = false\n").contains("artefacts"));
         assert!(refusal("", "sector_deg = [90.0, 0.0]\n").contains("whole turns"));

@@ -18,6 +18,8 @@ pub enum Chance {
     Real,
     /// Which rays are reported; one generator after the other.
     RayDrop(u8),
+    /// Which reflectances; one generator after the other.
+    Scatter(u8),
     /// Which real ones are made to look simulated, and how.
     Twins,
     /// Which places are compared.
@@ -35,6 +37,7 @@ impl Chance {
             Self::Places => 2,
             Self::Pool => 3,
             Self::RayDrop(generator) => 4 + u64::from(generator),
+            Self::Scatter(generator) => 1 << 14 | u64::from(generator),
             Self::Twins => 1 << 15,
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);

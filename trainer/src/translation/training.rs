@@ -158,6 +158,7 @@ fn disguise(config: &TranslationConfig, grid: &Grid, real: &Domain) -> Option<Di
     config.has_twins().then(|| Disguise {
         own_vehicle: real.hidden(config, &grid.sensor),
         attenuation_per_m: config.attenuation_per_m.map(|rate_per_m| rate_per_m as f32),
+        labelled: config.labeller.is_some(),
     })
 }
 

@@ -36,11 +36,14 @@ impl Generator for Translator {
         let view = coding.view(&scan);
         let generated = self.generator.forward(view.image, &view.condition);
         let keep = if ray_drop { sigmoid(generated.keep_logit) } else { coding.shows_return(&generated.image) };
+        // The code of reflectances, −1 to 1, is twice as wide as they are.
+        let scatter = generated.scatter.as_ref().map(|scatter| scatter.clone() / 2.0 * view.returned.clone());
         let image = &generated.image;
         Measurement {
             range_m: coding.range_m(image) * view.returned.clone(),
             reflectance: coding.reflectance(image) * view.returned.clone(),
             keep: keep * view.returned,
+            scatter,
         }
     }
 }

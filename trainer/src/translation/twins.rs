@@ -28,6 +28,8 @@ pub struct Disguise {
     pub own_vehicle: Vec<usize>,
     /// The simulator's reflectance is e^(−a r), with this a in 1/m; `None`: whatever simulators may say.
     pub attenuation_per_m: Option<f32>,
+    /// Whether real scans are labelled, so that simulators may know materials.
+    pub labelled: bool,
 }
 
 impl Disguise {
@@ -39,6 +41,7 @@ impl Disguise {
     fn put_on(&self, real: &RangeImage, rng: &mut ChaCha8Rng) -> Sample {
         let reflectance = match self.attenuation_per_m {
             Some(rate_per_m) => SimulatedReflectance::Attenuation(rate_per_m),
+            None if self.labelled => SimulatedReflectance::random_where_labelled(rng),
             None => SimulatedReflectance::random(rng),
         };
         Sample::new(real.clone(), true, reflectance, rng).without(&self.own_vehicle)
@@ -93,7 +96,7 @@ mod tests {
             image.remove(*i);
         }
         let real = Domain { images: vec![image], datasets: vec![] };
-        let disguise = Disguise { own_vehicle, attenuation_per_m: Some(0.1) };
+        let disguise = Disguise { own_vehicle, attenuation_per_m: Some(0.1), labelled: false };
         let augmentation = Augmentation::default();
         Sampler {
             simulated: Domain::default(),

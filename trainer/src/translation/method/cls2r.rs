@@ -45,18 +45,18 @@ impl Approach for Cls2r {
         let scans = step.simulated.image.dims()[0];
         let (generated, asked) = generator.forward_with_features(shown.image, &shown.condition);
         let miss = step.twins.as_ref().map(|twins| Miss::of_twins(generated.scans(scans..2 * scans), twins));
-        let answered = reporting.answer(generated.scans(0..scans), step.simulated.returned.clone(), step.uniform(0));
+        let answered = reporting.answer(&generated.scans(0..scans), step.simulated.returned.clone(), step.drawn(0));
         let (mut answers, mut measured) = (vec![answered.image.clone()], vec![step.real.image.clone()]);
         if let (Some(twins), Judged::WithTwins) = (&step.twins, losses.judged) {
             let answer =
-                reporting.answer(generated.scans(scans..2 * scans), twins.shown.returned.clone(), step.uniform(2));
+                reporting.answer(&generated.scans(scans..2 * scans), twins.shown.returned.clone(), step.drawn(2));
             answers.push(answer.image);
             measured.push(twins.measured.image.clone());
         }
         let (answers, measured) = (Tensor::cat(answers, 0), Tensor::cat(measured, 0));
         let asked: Vec<Tensor<4>> = asked.into_iter().map(|features| features.slice(s![0..scans])).collect();
         let (generated, real) = generator.forward_with_features(step.real.image.clone(), &step.real.condition);
-        let same = reporting.answer(generated, step.real.returned.clone(), step.uniform(1));
+        let same = reporting.answer(&generated, step.real.returned.clone(), step.drawn(1));
 
         let judge = &self.discriminator.network;
         let judged = (judge.forward(measured), judge.forward(answers.clone().detach()));

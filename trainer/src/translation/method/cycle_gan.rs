@@ -49,7 +49,7 @@ impl Approach for CycleGan {
         let Setting { reporting, losses, .. } = self.setting;
         let (x, y) = (&step.simulated, &step.real);
         let answer = |network: &Resnet, image: &Tensor<4>, condition, possible: &Tensor<4>, number| {
-            reporting.answer(network.forward(image.clone(), condition), possible.clone(), step.uniform(number))
+            reporting.answer(&network.forward(image.clone(), condition), possible.clone(), step.drawn(number))
         };
         let (there, back) = (&self.to_real.network, &self.to_simulated.network);
         // What a real sensor lost, a simulation has: the way back may show a return on any ray.

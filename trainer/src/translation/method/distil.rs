@@ -33,8 +33,10 @@ impl Distil {
 
     /// What the teacher makes of a scan; nobody learns from its gradients.
     fn shown(&self, View { image, condition, .. }: &View) -> Generated {
-        let Generated { image, keep_logit } = self.teacher.forward(image.clone().inner(), &condition.clone().inner());
-        Generated { image: Tensor::from_inner(image), keep_logit: Tensor::from_inner(keep_logit) }
+        let Generated { image, keep_logit, scatter } =
+            self.teacher.forward(image.clone().inner(), &condition.clone().inner());
+        let scatter = scatter.map(Tensor::from_inner);
+        Generated { image: Tensor::from_inner(image), keep_logit: Tensor::from_inner(keep_logit), scatter }
     }
 }
 

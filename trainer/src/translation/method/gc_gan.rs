@@ -8,6 +8,7 @@ use burn::tensor::{Device, Tensor};
 use super::{Approach, Setting, Step, begin, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
+use crate::translation::answer::Drawn;
 use crate::translation::config::TranslationConfig;
 use crate::translation::view::View;
 
@@ -47,22 +48,29 @@ impl View {
     }
 }
 
+impl Drawn {
+    /// Left and right exchanged.
+    fn mirrored(self) -> Self {
+        Self { ray_drop: mirror(self.ray_drop), scatter: mirror(self.scatter) }
+    }
+}
+
 impl Approach for GcGan {
     fn step(&mut self, step: &Step) -> Losses {
         let Setting { reporting, losses, .. } = self.setting;
         let generator = &self.generator.network;
-        let answer = |view: &View, uniform: Tensor<4>| {
+        let answer = |view: &View, drawn: Drawn| {
             let generated = generator.forward(view.image.clone(), &view.condition);
-            reporting.answer(generated, view.returned.clone(), uniform).image
+            reporting.answer(&generated, view.returned.clone(), drawn).image
         };
         let (x, y) = (&step.simulated, &step.real);
         let (x_mirrored, y_mirrored) = (x.mirrored(), y.mirrored());
         // The same chance decides which rays are lost, or two like answers would differ by it.
-        let (of_x, of_y) = (step.uniform(0), step.uniform(1));
+        let (of_x, of_y) = (step.drawn(0), step.drawn(1));
         let answers = answer(x, of_x.clone());
-        let answers_mirrored = answer(&x_mirrored, mirror(of_x));
+        let answers_mirrored = answer(&x_mirrored, of_x.mirrored());
         let identity = difference(answer(y, of_y.clone()), y.image.clone())
-            + difference(answer(&y_mirrored, mirror(of_y)), y_mirrored.image.clone());
+            + difference(answer(&y_mirrored, of_y.mirrored()), y_mirrored.image.clone());
         let geometry = difference(mirror(answers.clone()), answers_mirrored.clone());
 
         let frozen = |judge: &Trainee<PatchGan>| judge.network.clone().no_grad();

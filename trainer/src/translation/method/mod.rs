@@ -10,13 +10,14 @@ use anyhow::{Result, ensure};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, s};
 
-use super::answer::Reporting;
+use super::answer::{Drawn, Reporting};
 use super::config::{Method, TranslationConfig};
 use super::losses::Losses;
 use super::sampler::{Chance, uniform};
 use super::twins::Twins;
 use super::view::View;
 use crate::loss::{cross_entropy, weighted_mean};
+use crate::network::scatter::ranked_probability_score;
 use crate::network::{Generated, Resnet, ResnetConfig};
 use crate::train::{Losses as Values, Parts};
 
@@ -69,11 +70,12 @@ pub trait Approach {
 }
 
 impl Step {
-    /// Uniform numbers that draw which rays of an answer are reported; each answer of a step has its own `number`.
-    fn uniform(&self, number: u8) -> Tensor<4> {
+    /// What draws an answer; each of a step has its own `number`.
+    fn drawn(&self, number: u8) -> Drawn {
         let [batch, _, rings, columns] = self.simulated.returned.dims();
-        let mut rng = Chance::RayDrop(number).of(self.seed, self.number);
-        uniform([batch, rings, columns], &mut rng, &self.simulated.returned.device())
+        let device = self.simulated.returned.device();
+        let draw = |chance: Chance| uniform([batch, rings, columns], &mut chance.of(self.seed, self.number), &device);
+        Drawn { ray_drop: draw(Chance::RayDrop(number)), scatter: draw(Chance::Scatter(number)) }
     }
 }
 
@@ -122,7 +124,7 @@ struct Miss {
     keep: Tensor<1>,
     /// Mean absolute error of the range code.
     range: Tensor<1>,
-    /// The same of the reflectance's.
+    /// The same of the reflectance's; where a network says how far it scatters, the continuous ranked probability score of that.
     reflectance: Tensor<1>,
 }
 
@@ -130,8 +132,13 @@ impl Miss {
     fn new(said: Generated, target: Target) -> Self {
         let keep = weighted_mean(cross_entropy(said.keep_logit, target.keep), target.keep_weight);
         let error = (said.image - target.image).abs();
-        let channel = |i: usize| weighted_mean(error.clone().slice(s![.., i..i + 1, .., ..]), target.measured.clone());
-        Self { keep, range: channel(0), reflectance: channel(1) }
+        let channel = |i: usize| error.clone().slice(s![.., i..i + 1, .., ..]);
+        let reflectance = match &said.scatter {
+            Some(scatter) => ranked_probability_score(channel(1), scatter),
+            None => channel(1),
+        };
+        let mean = |error| weighted_mean(error, target.measured.clone());
+        Self { keep, range: mean(channel(0)), reflectance: mean(reflectance) }
     }
 
     /// How far what a generator said of twins is from what was measured.
