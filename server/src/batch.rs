@@ -256,7 +256,7 @@ mod tests {
             "tests/data/models/passthrough/2/model.onnx",
             "../models/hdl64e/3/model.onnx",
             "../models/hdl32e/3/model.onnx",
-            "../models/hdl64e-cls2r/3/model.onnx",
+            "../models/hdl64e-cls2r/4/model.onnx",
         ];
         files.into_iter().try_for_each(together_as_alone)
     }

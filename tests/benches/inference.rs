@@ -16,7 +16,7 @@ fn main() {
     divan::main();
 }
 
-#[divan::bench(args = ["hdl64e/3", "hdl32e/3", "hdl64e-cls2r/3"])]
+#[divan::bench(args = ["hdl64e/3", "hdl32e/3", "hdl64e-cls2r/4"])]
 fn inference_at_1024_columns(bencher: Bencher<'_, '_>, model: &str) {
     let (mut session, rings, scan) = prepare(model).expect("the model runs");
     let metadata = session.metadata().expect("metadata").custom(METADATA_KEY).expect("a card");
