@@ -2,16 +2,17 @@
 
 mod phased;
 
-use crate::network::scatter::laplace;
-use crate::network::{Measurement, UNet};
 use burn::tensor::{Device, Tensor, TensorData, s};
 use lidar::RangeImage;
 use lidar::ray_drop::{RayDrop, uniform};
 
-/// The channel of the contract's noise that reflectances are drawn by.
-const SCATTER: u32 = 1;
+use crate::network::scatter::laplace;
+use crate::network::{Measurement, UNet};
 
 pub use phased::Phased;
+
+/// The channel of the contract's noise that reflectances are drawn by.
+const SCATTER: u32 = 1;
 
 /// A network in physical units.
 pub trait Generator {

@@ -3,6 +3,7 @@
 pub mod blur;
 pub mod border;
 mod encoder;
+mod generated;
 mod layers;
 pub mod norm;
 pub mod patch_gan;
@@ -17,14 +18,15 @@ pub mod scatter;
 mod unet;
 
 use burn::tensor::Tensor;
+use scatter::laplace;
 
 pub use border::Border;
+pub use generated::Generated;
 pub use norm::NormKind;
 pub use patch_gan::{PatchGan, PatchGanConfig};
 pub use patch_nce::{PatchHeads, Places};
 pub use range_code::{RangeCode, RangeCoder};
-pub use resnet::{Generated, Output, Resnet, ResnetConfig};
-use scatter::laplace;
+pub use resnet::{Output, Resnet, ResnetConfig};
 pub use unet::{COLUMN_MULTIPLE, UNet, UNetConfig};
 
 /// What the sensor measures, each `[batch, 1, ring, column]`, in physical units.

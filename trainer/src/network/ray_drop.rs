@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 use burn::tensor::activation::sigmoid;
 
-use super::resnet::Generated;
+use super::generated::Generated;
 
 impl Generated {
     /// The mask of the rays that are reported, 1 or 0, `[batch, 1, ring, column]`, drawn by uniform numbers in (0, 1).

@@ -3,8 +3,6 @@
 //! Park et al., "Contrastive learning for unpaired image-to-image translation" (2020); Haghighi et al., "Contrastive learning-based
 //! framework for sim-to-real mapping of lidar point clouds in autonomous driving systems" (2023).
 
-use std::ops::Range;
-
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, s};
@@ -13,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::blur::double;
 use super::border::Border;
 use super::encoder::{Encoded, Encoder};
+use super::generated::Generated;
 use super::layers::{CUTS_GAIN, conv};
 use super::norm::NormKind;
 use super::relief::{RELIEF_CHANNELS, with_relief};
@@ -113,26 +112,6 @@ pub struct Resnet {
     output: Output,
     #[module(skip)]
     range_reach: f32,
-}
-
-/// What a generator makes of a scan.
-#[derive(Clone, Debug)]
-pub struct Generated {
-    /// Range code and reflectance, −1 to 1 (and, where they are [corrected](Output::Correction), beyond), `[batch, 2, ring, column]`.
-    pub image: Tensor<4>,
-    /// Logit of the probability that the ray is reported, `[batch, 1, ring, column]`.
-    pub keep_logit: Tensor<4>,
-    /// Mean distance of reported reflectances from the image's, in its code, `[batch, 1, ring, column]`; where the network says it.
-    pub scatter: Option<Tensor<4>>,
-}
-
-impl Generated {
-    /// What was made of these scans of a batch.
-    #[must_use]
-    pub fn scans(&self, numbers: Range<usize>) -> Self {
-        let of = |x: &Tensor<4>| x.clone().slice(s![numbers.clone()]);
-        Self { image: of(&self.image), keep_logit: of(&self.keep_logit), scatter: self.scatter.as_ref().map(of) }
-    }
 }
 
 impl ResnetConfig {

@@ -2,7 +2,8 @@
 
 use burn::tensor::{Tensor, s};
 
-use super::resnet::{Generated, IMAGE_CHANNELS};
+use super::generated::Generated;
+use super::resnet::IMAGE_CHANNELS;
 
 /// Scale that a network begins with, in the reflectance's code.
 const SCALE: f32 = 0.1;
