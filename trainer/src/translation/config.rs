@@ -212,6 +212,11 @@ impl TranslationConfig {
         }
     }
 
+    /// Whether it is learned by a game against a discriminator.
+    fn plays(&self) -> bool {
+        matches!(self.method, Method::Cls2r | Method::CycleGan | Method::GcGan)
+    }
+
     /// Whether real scans made to look simulated are learned from.
     pub fn has_twins(&self) -> bool {
         self.losses.twins > 0.0 || self.method == Method::Paired
@@ -246,8 +251,8 @@ impl TranslationConfig {
         );
         let twins = self.losses.twins;
         ensure!(
-            twins == 0.0 || (twins > 0.0 && twins.is_finite() && self.method == Method::Cls2r && self.ray_drop),
-            "losses.twins is {twins}: only cls2r with ray drop learns from twins, which weigh 0 or more"
+            twins == 0.0 || (twins > 0.0 && twins.is_finite() && self.plays() && self.ray_drop),
+            "losses.twins is {twins}: only games with ray drop (cls2r, cyclegan, gcgan) are told by twins, which weigh 0 or more"
         );
         ensure!(
             self.losses.judged == Judged::Simulated || twins > 0.0,
@@ -276,7 +281,7 @@ impl TranslationConfig {
         ensure!((1..=6).contains(&d.halvings), "discriminator.halvings is {}, expected 1 to 6", d.halvings);
         for (name, number) in [("rings", rings), ("crop_columns", s.crop_columns)] {
             ensure!(
-                matches!(self.method, Method::UNet | Method::Distil | Method::Paired) || d.fits(number),
+                !self.plays() || d.fits(number),
                 "{name}: {number} hold no patch of the discriminator; give it fewer halvings than {}",
                 d.halvings
             );
@@ -338,7 +343,7 @@ mod tests {
             ("columns = 512\nserved_columns = 100", "served_columns is 100, expected"),
             ("[losses]\npatches = 1", "patches"),
             ("[losses]\ntwins = -1.0", "losses.twins is -1"),
-            ("ray_drop = false\n[losses]\ntwins = 1.0", "only cls2r with ray drop"),
+            ("ray_drop = false\n[losses]\ntwins = 1.0", "only games with ray drop"),
             ("[losses]\njudged = \"with_twins\"", "expected losses.twins above 0"),
             ("attenuation_per_m = -0.1", "attenuation_per_m is -0.1"),
             ("[generator]\nrings = 32", "generator.rings is 32"),

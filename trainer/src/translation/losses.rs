@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::game::Game;
 
-/// Whose answers CLS2R's discriminator judges.
+/// Whose answers the discriminator of real scans judges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Judged {
@@ -37,10 +37,10 @@ pub struct Losses {
     pub identity: f64,
     /// `CycleGAN`: earlier answers that a discriminator may be shown again.
     pub pool: usize,
-    /// CLS2R, beyond the paper: real scans that were made to look simulated should become themselves again. Nothing else that is learned
+    /// Games, beyond the papers: real scans that were made to look simulated should become themselves again. Nothing else that is learned
     /// from says which ray is lost.
     pub twins: f64,
-    /// CLS2R with twins: whether they are judged as well.
+    /// Games with twins: whether these are judged as well.
     pub judged: Judged,
     /// Beside the cross entropy of the keep mask, the mean absolute error of the reflectance (`unet`), of its code (`distil`, `twins`).
     pub reflectance: f32,

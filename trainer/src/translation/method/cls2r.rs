@@ -5,11 +5,11 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, s};
 
-use super::{Approach, Miss, Setting, Step, begin, value};
+use super::told::Answered;
+use super::{Approach, Setting, Step, begin, value};
 use crate::network::{PatchGan, PatchHeads, Places, Resnet};
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
-use crate::translation::losses::Judged;
 use crate::translation::sampler::Chance;
 use crate::translation::view::View;
 
@@ -40,20 +40,11 @@ impl Approach for Cls2r {
     fn step(&mut self, step: &Step) -> Losses {
         let Setting { reporting, losses, .. } = self.setting;
         let generator = &self.generator.network;
-        // In one batch with twins, for batch norms to see both alike: the network goes out with the statistics of simulated scans.
-        let shown = step.twins.as_ref().map_or(step.simulated.clone(), |twins| step.simulated.beside(&twins.shown));
+        let shown = step.shown();
         let scans = step.simulated.image.dims()[0];
         let (generated, asked) = generator.forward_with_features(shown.image, &shown.condition);
-        let miss = step.twins.as_ref().map(|twins| Miss::of_twins(generated.scans(scans..2 * scans), twins));
-        let answered = reporting.answer(&generated.scans(0..scans), step.simulated.returned.clone(), step.drawn(0));
-        let (mut answers, mut measured) = (vec![answered.image.clone()], vec![step.real.image.clone()]);
-        if let (Some(twins), Judged::WithTwins) = (&step.twins, losses.judged) {
-            let answer =
-                reporting.answer(&generated.scans(scans..2 * scans), twins.shown.returned.clone(), step.drawn(2));
-            answers.push(answer.image);
-            measured.push(twins.measured.image.clone());
-        }
-        let (answers, measured) = (Tensor::cat(answers, 0), Tensor::cat(measured, 0));
+        let Answered { simulated, judged: answers, real: measured, miss } =
+            self.setting.answered(step, &generated, step.drawn(2));
         let asked: Vec<Tensor<4>> = asked.into_iter().map(|features| features.slice(s![0..scans])).collect();
         let (generated, real) = generator.forward_with_features(step.real.image.clone(), &step.real.condition);
         let same = reporting.answer(&generated, step.real.returned.clone(), step.drawn(1));
@@ -72,9 +63,9 @@ impl Approach for Cls2r {
             let places = Places::draw(&features, losses.patches, &mut rng);
             self.heads.network.loss(&features, question, &places)
         };
-        let contrast_simulated = contrast(answered.image, &step.simulated, &asked);
+        let contrast_simulated = contrast(simulated.image, &step.simulated, &asked);
         let contrast_real = contrast(same.image, &step.real, &real);
-        let mut total = game.clone()
+        let total = game.clone()
             + contrast_simulated.clone() * losses.contrast
             + contrast_real.clone() * losses.contrast_identity;
         let mut values = vec![
@@ -83,12 +74,7 @@ impl Approach for Cls2r {
             ("contrast", value(&contrast_simulated)),
             ("contrast_identity", value(&contrast_real)),
         ];
-        if let Some(miss) = miss {
-            let twins = miss.total(&losses);
-            values.push(("twins", value(&twins)));
-            total = total + twins * losses.twins;
-        }
-        let mut gradients = total.backward();
+        let mut gradients = self.setting.told(total, miss, &mut values).backward();
         self.heads.step(step.rate, &mut gradients);
         self.generator.step(step.rate, &mut gradients);
         values

@@ -5,6 +5,7 @@ use anyhow::{Context, Result};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
+use super::told::Answered;
 use super::{Approach, Setting, Step, begin, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
@@ -54,7 +55,10 @@ impl Approach for CycleGan {
         let (there, back) = (&self.to_real.network, &self.to_simulated.network);
         // What a real sensor lost, a simulation has: the way back may show a return on any ray.
         let any = x.returned.ones_like();
-        let as_real = answer(there, &x.image, &x.condition, &x.returned, 0);
+        let shown = step.shown();
+        let generated = there.forward(shown.image, &shown.condition);
+        let Answered { simulated: as_real, judged, real, miss } =
+            self.setting.answered(step, &generated, step.drawn(6));
         let as_simulated = answer(back, &y.image, &y.condition, &any, 1);
         let x_again = answer(back, &as_real.image, &x.condition, &any, 2);
         let y_again = answer(there, &as_simulated.image, &y.condition, &as_simulated.reported, 3);
@@ -64,22 +68,22 @@ impl Approach for CycleGan {
         let off = |answer: Answer, image: &Tensor<4>| difference(answer.image, image.clone());
         let cycle = off(x_again, &x.image) + off(y_again, &y.image);
         let identity = off(x_same, &x.image) + off(y_same, &y.image);
-        let game = losses.game.generator(self.real.frozen().forward(as_real.image.clone()))
+        let game = losses.game.generator(self.real.frozen().forward(judged.clone()))
             + losses.game.generator(self.simulated.frozen().forward(as_simulated.image.clone()));
         let total = game.clone() + cycle.clone() * losses.cycle + identity.clone() * losses.identity;
         let mut values = vec![("game", value(&game)), ("cycle", value(&cycle)), ("identity", value(&identity))];
-        let mut gradients = total.backward();
+        let mut gradients = self.setting.told(total, miss, &mut values).backward();
         self.to_real.step(step.rate, &mut gradients);
         self.to_simulated.step(step.rate, &mut gradients);
 
         let mut rng = Chance::Pool.of(step.seed, step.number);
         for (name, judge, scans, answers) in [
-            ("discriminator", &mut self.real, y, as_real),
-            ("discriminator_simulated", &mut self.simulated, x, as_simulated),
+            ("discriminator", &mut self.real, real, judged),
+            ("discriminator_simulated", &mut self.simulated, x.image.clone(), as_simulated.image),
         ] {
-            let shown = judge.pool.exchange(answers.image, &mut rng);
+            let shown = judge.pool.exchange(answers, &mut rng);
             let network = &judge.network.network;
-            let loss = losses.game.discriminator(network.forward(scans.image.clone()), network.forward(shown));
+            let loss = losses.game.discriminator(network.forward(scans), network.forward(shown));
             values.push((name, value(&loss)));
             judge.network.step(step.rate, &mut loss.backward());
         }

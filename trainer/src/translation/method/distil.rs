@@ -5,7 +5,8 @@ use burn::module::Module;
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
 
-use super::{Approach, Miss, Setting, Step, Target, value};
+use super::told::{Miss, Target};
+use super::{Approach, Setting, Step, value};
 use crate::loss::{cross_entropy, weighted_mean};
 use crate::network::{Generated, Resnet, ResnetConfig};
 use crate::train::{Losses, Parts, Trainee};

@@ -5,6 +5,7 @@ use anyhow::Result;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
+use super::told::Answered;
 use super::{Approach, Setting, Step, begin, difference, value};
 use crate::network::{PatchGan, Resnet};
 use crate::train::{Losses, Parts, Trainee};
@@ -66,26 +67,29 @@ impl Approach for GcGan {
         let (x, y) = (&step.simulated, &step.real);
         let (x_mirrored, y_mirrored) = (x.mirrored(), y.mirrored());
         // The same chance decides which rays are lost, or two like answers would differ by it.
-        let (of_x, of_y) = (step.drawn(0), step.drawn(1));
-        let answers = answer(x, of_x.clone());
-        let answers_mirrored = answer(&x_mirrored, of_x.mirrored());
+        let of_y = step.drawn(1);
+        let shown = step.shown();
+        let generated = generator.forward(shown.image, &shown.condition);
+        let Answered { simulated, judged, real, miss } = self.setting.answered(step, &generated, step.drawn(2));
+        let answers_mirrored = answer(&x_mirrored, step.drawn(0).mirrored());
         let identity = difference(answer(y, of_y.clone()), y.image.clone())
             + difference(answer(&y_mirrored, of_y.mirrored()), y_mirrored.image.clone());
-        let geometry = difference(mirror(answers.clone()), answers_mirrored.clone());
+        let geometry = difference(mirror(simulated.image), answers_mirrored.clone());
 
         let frozen = |judge: &Trainee<PatchGan>| judge.network.clone().no_grad();
-        let game = losses.game.generator(frozen(&self.discriminator).forward(answers.clone()))
+        let game = losses.game.generator(frozen(&self.discriminator).forward(judged.clone()))
             + losses.game.generator(frozen(&self.discriminator_mirrored).forward(answers_mirrored.clone()));
         // The authors count the difference twice: as it is, and mirrored.
         let total = game.clone() + geometry.clone() * (2.0 * losses.geometry) + identity.clone() * losses.identity;
         let mut values = vec![("game", value(&game)), ("geometry", value(&geometry)), ("identity", value(&identity))];
+        let total = self.setting.told(total, miss, &mut values);
         self.generator.step(step.rate, &mut total.backward());
 
         for (name, judge, scans, answers) in [
-            ("discriminator", &mut self.discriminator, y, answers),
-            ("discriminator_mirrored", &mut self.discriminator_mirrored, &y_mirrored, answers_mirrored),
+            ("discriminator", &mut self.discriminator, real, judged),
+            ("discriminator_mirrored", &mut self.discriminator_mirrored, y_mirrored.image, answers_mirrored),
         ] {
-            let of_scans = judge.network.forward(scans.image.clone());
+            let of_scans = judge.network.forward(scans);
             let loss = losses.game.discriminator(of_scans, judge.network.forward(answers.detach()));
             values.push((name, value(&loss)));
             judge.step(step.rate, &mut loss.backward());

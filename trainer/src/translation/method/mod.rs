@@ -5,10 +5,11 @@ mod cycle_gan;
 mod distil;
 mod gc_gan;
 mod paired;
+mod told;
 
 use anyhow::{Result, ensure};
 use burn::module::Module;
-use burn::tensor::{Device, Tensor, s};
+use burn::tensor::{Device, Tensor};
 
 use super::answer::{Drawn, Reporting};
 use super::config::{Method, TranslationConfig};
@@ -16,9 +17,7 @@ use super::losses::Losses;
 use super::sampler::{Chance, uniform};
 use super::twins::Twins;
 use super::view::View;
-use crate::loss::{cross_entropy, weighted_mean};
-use crate::network::scatter::ranked_probability_score;
-use crate::network::{Generated, Resnet, ResnetConfig};
+use crate::network::{Resnet, ResnetConfig};
 use crate::train::{Losses as Values, Parts};
 
 pub use cls2r::Cls2r;
@@ -34,7 +33,7 @@ pub struct Step {
     pub simulated: View,
     /// Real scans, of other places.
     pub real: View,
-    /// Real scans in pairs, if the config has them learned from.
+    /// Real scans made to look simulated, if the config has them learned from.
     pub twins: Option<Twins>,
     /// The run's seed.
     pub seed: u64,
@@ -104,58 +103,6 @@ fn begin(config: &TranslationConfig, setting: Setting, device: &Device) -> Resul
     );
     let network = begun.network.generator().clone().with_border(setting.generator.border);
     Ok(network.to_device(&device.clone().inner()).train())
-}
-
-/// What a generator should have said of scans, pixel by pixel, each `[batch, …, ring, column]`.
-struct Target {
-    /// Range code and reflectance.
-    image: Tensor<4>,
-    /// 1 where these count.
-    measured: Tensor<4>,
-    /// Probability that the ray is reported.
-    keep: Tensor<4>,
-    /// What each ray of these counts.
-    keep_weight: Tensor<4>,
-}
-
-/// How far a generator is from what it should have said; each a scalar.
-struct Miss {
-    /// Cross entropy of the mask, nats a ray.
-    keep: Tensor<1>,
-    /// Mean absolute error of the range code.
-    range: Tensor<1>,
-    /// The same of the reflectance's; where a network says how far it scatters, the continuous ranked probability score of that.
-    reflectance: Tensor<1>,
-}
-
-impl Miss {
-    fn new(said: Generated, target: Target) -> Self {
-        let keep = weighted_mean(cross_entropy(said.keep_logit, target.keep), target.keep_weight);
-        let error = (said.image - target.image).abs();
-        let channel = |i: usize| error.clone().slice(s![.., i..i + 1, .., ..]);
-        let reflectance = match &said.scatter {
-            Some(scatter) => ranked_probability_score(channel(1), scatter),
-            None => channel(1),
-        };
-        let mean = |error| weighted_mean(error, target.measured.clone());
-        Self { keep, range: mean(channel(0)), reflectance: mean(reflectance) }
-    }
-
-    /// How far what a generator said of twins is from what was measured.
-    fn of_twins(said: Generated, Twins { shown, measured, keep_weight }: &Twins) -> Self {
-        let target = Target {
-            image: measured.image.clone(),
-            measured: measured.returned.clone() * shown.returned.clone(),
-            keep: measured.returned.clone(),
-            keep_weight: keep_weight.clone(),
-        };
-        Self::new(said, target)
-    }
-
-    /// All of it, each as heavy as the config says.
-    fn total(self, losses: &Losses) -> Tensor<1> {
-        self.keep + self.range * losses.range + self.reflectance * losses.reflectance
-    }
 }
 
 /// Mean absolute difference of two images of one size.

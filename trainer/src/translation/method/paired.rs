@@ -3,7 +3,8 @@
 use anyhow::Result;
 use burn::tensor::Device;
 
-use super::{Approach, Miss, Setting, Step, begin, value};
+use super::told::Miss;
+use super::{Approach, Setting, Step, begin, value};
 use crate::network::Resnet;
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::config::TranslationConfig;
@@ -29,7 +30,7 @@ impl Approach for Paired {
         let Some(twins) = &step.twins else { return vec![] };
         let losses = self.setting.losses;
         // Beside simulated scans, of which nothing is asked: batch norms see what the network goes out with, and labels, which no real scan has.
-        let shown = step.simulated.beside(&twins.shown);
+        let shown = step.shown();
         let scans = step.simulated.image.dims()[0];
         let said = self.generator.network.forward(shown.image, &shown.condition).scans(scans..2 * scans);
         let miss = Miss::of_twins(said, twins);
