@@ -3,6 +3,7 @@
 mod benchmark;
 mod calibrate;
 mod compare;
+mod downstream;
 mod elevation;
 mod runs;
 mod segment;
@@ -47,6 +48,8 @@ enum Command {
     Compare(CompareArgs),
     /// Train and score the segmentation network by whose features scans are compared.
     Segment(SegmentArgs),
+    /// Train segmentation networks on labelled scans, and score them on real ones: what the scans are worth to perception.
+    Downstream(downstream::DownstreamArgs),
     /// Publish the best networks of runs as the next versions under models/.
     Export(runs::ExportArgs),
     /// Train several methods with several seeds on one budget, and print what came of it side by side.
@@ -122,6 +125,7 @@ impl Cli {
             Command::Scatter(args) => args.run()?,
             Command::Compare(args) => args.run()?,
             Command::Segment(args) => args.run()?,
+            Command::Downstream(args) => args.run()?,
             Command::Export(args) => args.run()?,
             Command::Table(args) => args.run()?,
             Command::Simulate(args) => {

@@ -15,6 +15,7 @@ pub mod loss;
 pub mod network;
 pub mod realness;
 pub mod scatter;
+mod seeds;
 pub mod segmentation;
 pub mod sensor_report;
 pub mod sets;

@@ -92,6 +92,12 @@ impl SegmentationConfig {
         Ok(load_sensor(&self.sensor)?.with_columns(self.columns)?)
     }
 
+    /// The grid that the labelled scans were projected to before they were published, if they were.
+    pub fn projected_by(&self) -> Result<Option<Sensor>> {
+        let grid = |name: &String| Ok(load_sensor(name)?.with_columns(self.columns)?);
+        self.labelled.projected_by.as_ref().map(grid).transpose()
+    }
+
     fn check(&self) -> Result<()> {
         let rings = self.sensor()?.rings().len();
         ensure!(rings.is_multiple_of(RING_MULTIPLE), "{rings} rings are no multiple of {RING_MULTIPLE}");

@@ -6,7 +6,9 @@
 pub mod classes;
 pub mod config;
 pub mod darknet;
+pub mod downstream;
 pub mod input;
+pub mod labelled;
 pub mod sampler;
 pub mod score;
 pub mod streets;

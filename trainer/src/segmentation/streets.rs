@@ -71,7 +71,7 @@ impl Streets {
 }
 
 /// Removes the returns that lose their pixel on another sensor's grid.
-fn thin_out(mut image: RangeImage, sensor: &Sensor, coarse: &mut Projector) -> Result<RangeImage> {
+pub(super) fn thin_out(mut image: RangeImage, sensor: &Sensor, coarse: &mut Projector) -> Result<RangeImage> {
     let returns: Vec<usize> = (0..image.range_m().len()).filter(|i| image.range_m()[*i] > 0.0).collect();
     let projection = coarse.project(&image.to_cloud(sensor))?;
     for (i, pixel) in returns.into_iter().zip(projection.pixel_of_point) {

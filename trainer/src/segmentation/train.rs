@@ -8,17 +8,16 @@ use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Tensor};
-use lidar::formats::{self, Limits};
-use lidar::{Projector, RangeImage, Sensor};
+use lidar::{RangeImage, Sensor};
 use proto::card::Dataset;
 use sha2::{Digest, Sha256};
 
 use super::config::SegmentationConfig;
 use super::darknet::Darknet;
+use super::labelled::labelled_scans;
 use super::sampler::{Batch, Sampler};
 use super::streets::Streets;
 use super::weights::{Segmentation, SegmentationCard};
-use crate::config::load_sensor;
 use crate::data::scans::{hex, scan_files};
 use crate::network::Border;
 
@@ -30,6 +29,19 @@ pub fn train(config: &SegmentationConfig, root: &Path) -> Result<Segmentation> {
     let sensor = config.sensor()?;
     let Data { learned, held_out, trained_on } = Data::load(config, root, &sensor)?;
     let sampler = Sampler::new(learned.into(), &sensor, config.seed, config.batch, config.crop_columns);
+    let card =
+        SegmentationCard::new(&config.summary, &config.licence, &config.notes, sensor.clone(), config.network.clone());
+    let network = fit(config, &sampler)?;
+    let mut trained = Segmentation { network, card: SegmentationCard { trained_on, ..card } };
+    for (of, images) in &held_out {
+        let score = trained.score(of, images, &sensor, &Device::flex());
+        trained.card.scores.push(score);
+    }
+    Ok(trained)
+}
+
+/// A network that has learned from these cut-outs, by the config's budget and seed, on the CPU.
+pub(super) fn fit(config: &SegmentationConfig, sampler: &Sampler) -> Result<Darknet> {
     let device = config.backend.device()?.autodiff();
     device.seed(config.seed);
     let mut network = config.network.init(&device);
@@ -46,15 +58,7 @@ pub fn train(config: &SegmentationConfig, root: &Path) -> Result<Segmentation> {
             sum = 0.0;
         }
     }
-    let card =
-        SegmentationCard::new(&config.summary, &config.licence, &config.notes, sensor.clone(), config.network.clone());
-    let network = network.valid().to_device(&Device::flex());
-    let mut trained = Segmentation { network, card: SegmentationCard { trained_on, ..card } };
-    for (of, images) in &held_out {
-        let score = trained.score(of, images, &sensor, &Device::flex());
-        trained.card.scores.push(score);
-    }
-    Ok(trained)
+    Ok(network.valid().to_device(&Device::flex()))
 }
 
 /// One optimiser step; returns the loss, in nats.
@@ -91,25 +95,15 @@ impl Data {
         let files = scan_files(&folder)?;
         let learned = files.len().saturating_sub(labelled.held_out + labelled.left_out);
         ensure!(learned > 0, "{} holds {} scans: none is left to learn from", folder.display(), files.len());
-        let (mut real, mut digest) = (Vec::with_capacity(files.len()), Sha256::new());
-        // By elevation: scans that were projected before have lost the order that tells their rings.
-        let mut projector = Projector::new(sensor).by_elevation();
-        for (k, file) in files.iter().enumerate() {
-            let cloud = formats::read(file, &Limits::default()).with_context(|| format!("scan {}", file.display()))?;
-            ensure!(cloud.label.is_some(), "scan {} has no labels", file.display());
-            real.push(projector.project(&cloud).with_context(|| format!("scan {}", file.display()))?.image);
-            if k < learned {
-                digest.update(Sha256::digest(std::fs::read(file)?));
-            }
+        let mut digest = Sha256::new();
+        for file in &files[..learned] {
+            digest.update(Sha256::digest(std::fs::read(file).with_context(|| format!("scan {}", file.display()))?));
         }
+        let mut real = labelled_scans(&folder, sensor)?;
         let real_held_out = real.split_off(files.len() - labelled.held_out);
         real.truncate(learned);
 
-        let coarse = match &labelled.projected_by {
-            Some(name) => Some(load_sensor(name)?.with_columns(config.columns)?),
-            None => None,
-        };
-        let mut streets = Streets::new(sensor, coarse.as_ref(), config.seed);
+        let mut streets = Streets::new(sensor, config.projected_by()?.as_ref(), config.seed);
         let count = config.streets.learned + config.streets.held_out;
         let mut made: Vec<RangeImage> = (0..count as u64).map(|k| streets.scan(k)).collect::<Result<_>>()?;
         let made_held_out = made.split_off(config.streets.learned);

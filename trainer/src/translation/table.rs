@@ -14,6 +14,7 @@ use crate::backend::Backend;
 use crate::config::{merge, read_table};
 use crate::realness::Protocol;
 use crate::realness::report::short;
+use crate::seeds::mean_with_interval;
 use crate::segmentation::Segmentation;
 use crate::train::{Run, checkpoint};
 
@@ -215,13 +216,10 @@ fn lines(
         let to = floor.get(i).map(|d| d.value);
         for column in columns {
             let values: Vec<f64> = column.marks.iter().map(|marks| of(marks)[i].value).collect();
-            let (mean, half_width) = mean_and_interval(&values);
-            write!(out, " {}", short(mean))?;
-            if let Some(half_width) = half_width {
-                write!(out, " ± {}", short(half_width))?;
-            }
+            write!(out, " {}", mean_with_interval(&values))?;
             // Where other real scans are no nearer than the simulation there is no gap.
             if let Some(to) = to.filter(|to| *to < from.value) {
+                let mean = values.iter().sum::<f64>() / values.len() as f64;
                 write!(out, " ({:.0} %)", 100.0 * (from.value - mean) / (from.value - to))?;
             }
             out += " |";
@@ -252,35 +250,9 @@ fn folder_name(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
 }
 
-/// Mean, and half the width of its 95 % interval by Student's t, where there is more than one value.
-fn mean_and_interval(values: &[f64]) -> (f64, Option<f64>) {
-    /// 97.5 % quantiles of Student's t with 1 to 9 degrees of freedom.
-    const T: [f64; 9] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
-    let n = values.len();
-    let mean = values.iter().sum::<f64>() / n as f64;
-    if n < 2 {
-        return (mean, None);
-    }
-    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
-    // Beyond nine the normal quantile is too narrow by less than a sixth, which this makes up for.
-    let t = T.get(n - 2).copied().unwrap_or(1.96 + 2.7 / (n - 1) as f64);
-    (mean, Some(t * (variance / n as f64).sqrt()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_interval_is_students() {
-        // Three values 1, 2, 3: 4.303 · 1/√3.
-        let (mean, half_width) = mean_and_interval(&[1.0, 2.0, 3.0]);
-        assert!(
-            (mean - 2.0).abs() < 1e-12 && half_width.is_some_and(|w| (w - 2.4843).abs() < 1e-3),
-            "{mean} {half_width:?}"
-        );
-        assert_eq!(mean_and_interval(&[1.0]), (1.0, None));
-    }
 
     #[test]
     fn every_row_has_a_folder_of_its_own() {
