@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use trainer::backend::Backend;
 use trainer::segmentation::SegmentationConfig;
-use trainer::segmentation::downstream::downstream;
+use trainer::segmentation::downstream::{Question, downstream};
 
 #[derive(Debug, Args)]
 pub(super) struct DownstreamArgs {
@@ -22,6 +22,9 @@ pub(super) struct DownstreamArgs {
     /// Networks a folder.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: u64,
+    /// Have networks see no reflectances, neither of the folders' scans nor of the real ones.
+    #[arg(long)]
+    without_reflectance: bool,
     /// What computes the steps, in the place of what the config says.
     #[arg(long, value_enum)]
     backend: Option<Backend>,
@@ -31,8 +34,12 @@ impl DownstreamArgs {
     pub(super) fn run(&self) -> Result<()> {
         let mut config = SegmentationConfig::read(&self.config)?;
         config.backend = self.backend.unwrap_or(config.backend);
-        let seeds: Vec<u64> = (1..=self.seeds).collect();
-        println!("{}", downstream(&config, &self.folders, &self.real, &seeds)?);
+        let question = Question {
+            real: self.real.clone(),
+            seeds: (1..=self.seeds).collect(),
+            reflectance: !self.without_reflectance,
+        };
+        println!("{}", downstream(&config, &self.folders, &question)?);
         Ok(())
     }
 }

@@ -17,15 +17,31 @@ use super::train::fit;
 use super::weights::{Segmentation, SegmentationCard};
 use crate::seeds::mean_with_interval;
 
-/// Trains a network of the config's size and budget on each folder with each seed, scores it on the labelled scans of `real`, and tells the
+/// What networks are asked.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// Folder of the labelled real scans that they are scored on.
+    pub real: PathBuf,
+    /// Seeds of the networks of each folder.
+    pub seeds: Vec<u64>,
+    /// Whether they see reflectances, or 0 in all scans: what most do whose simulator has none that mean anything.
+    pub reflectance: bool,
+}
+
+/// Trains a network of the config's size and budget on each folder with each seed, scores it on labelled real scans, and tells the
 /// scores as a table; the config's own scans are not read.
 ///
 /// Where it says that real scans were projected before they were published, every second scan that is learned from loses what such a
 /// projection loses: holes must not tell one from the other.
-pub fn downstream(config: &SegmentationConfig, folders: &[PathBuf], real: &Path, seeds: &[u64]) -> Result<String> {
+pub fn downstream(config: &SegmentationConfig, folders: &[PathBuf], question: &Question) -> Result<String> {
+    let Question { real, seeds, reflectance } = question;
     ensure!(!folders.is_empty() && !seeds.is_empty(), "no folders to learn from, or no seeds");
     let sensor = config.sensor()?;
-    let real = labelled_scans(real, &sensor)?;
+    let scans = |folder: &Path| -> Result<Vec<RangeImage>> {
+        let scans = labelled_scans(folder, &sensor)?;
+        Ok(if *reflectance { scans } else { scans.iter().map(without_reflectance).collect() })
+    };
+    let real = scans(real)?;
     ensure!(known(&real), "none of the real scans' labels is of a class that is told apart");
     let mut coarse = config.projected_by()?.map(|grid| Projector::new(&grid).by_elevation());
     let mut out = String::from("| learned from | scans | pixel accuracy | mean IoU |");
@@ -33,7 +49,7 @@ pub fn downstream(config: &SegmentationConfig, folders: &[PathBuf], real: &Path,
     held.iter().try_for_each(|name| write!(out, " {name} |"))?;
     write!(out, "\n|---|---|---|---|{}", "---|".repeat(held.len()))?;
     for folder in folders {
-        let mut scans = labelled_scans(folder, &sensor)?;
+        let mut scans = scans(folder)?;
         ensure!(known(&scans), "{}: none of the labels is of a class that is told apart", folder.display());
         if let Some(coarse) = &mut coarse {
             let thin = |(k, scan)| if k % 2 == 0 { Ok(scan) } else { thin_out(scan, &sensor, coarse) };
@@ -58,15 +74,22 @@ pub fn downstream(config: &SegmentationConfig, folders: &[PathBuf], real: &Path,
             write!(out, " {} |", over_seeds(&|score| score.iou[class].1))?;
         }
     }
+    let blind = if *reflectance { "" } else { ", reflectances unseen" };
     write!(
         out,
-        "\n\n{} real scans; {} steps of {} cut-outs of {} columns, seeds {seeds:?}, ± half of a 95 % interval over them (Student's t).\n",
+        "\n\n{} real scans; {} steps of {} cut-outs of {} columns, seeds {seeds:?}{blind}, ± half of a 95 % interval over them (Student's t).\n",
         real.len(),
         config.steps,
         config.batch,
         config.crop_columns
     )?;
     Ok(out)
+}
+
+/// The same scan, reflecting nothing.
+fn without_reflectance(scan: &RangeImage) -> RangeImage {
+    let nothing = vec![0.0; scan.range_m().len()];
+    RangeImage::from_channels(scan.columns(), scan.range_m().to_vec(), nothing, scan.class().to_vec())
 }
 
 /// Whether anything can be learned from these scans' labels, or scored by them.

@@ -133,10 +133,13 @@ impl Table {
         lidar::formats::write_atomically(&out.join("answers.png"), &exam.picture(&answers)?)?;
         let [elsewhere, twins] = print(&exam, &columns)?;
         let mut text = elsewhere;
-        let seeds = self.seeds.len();
+        let seeds = match self.seeds.len() {
+            1 => "One seed".to_owned(),
+            seeds => format!("Mean of {seeds} seeds ± half of its 95 % interval (Student's t)"),
+        };
         write!(
             text,
-            "\nMean of {seeds} seeds ± half of its 95 % interval (Student's t), and the share of the gap between simulation and other real\n\
+            "\n{seeds}, and the share of the gap between simulation and other real\n\
              scans that is closed, where these are nearer; {}. ",
             self.rows[0].budget()
         )?;
