@@ -74,10 +74,11 @@ pub fn downstream(config: &SegmentationConfig, folders: &[PathBuf], question: &Q
             write!(out, " {} |", over_seeds(&|score| score.iou[class].1))?;
         }
     }
+    let interval = if seeds.len() > 1 { ", ± half of a 95 % interval over them (Student's t)" } else { "" };
     let blind = if *reflectance { "" } else { ", reflectances unseen" };
     write!(
         out,
-        "\n\n{} real scans; {} steps of {} cut-outs of {} columns, seeds {seeds:?}{blind}, ± half of a 95 % interval over them (Student's t).\n",
+        "\n\n{} real scans; {} steps of {} cut-outs of {} columns, seeds {seeds:?}{blind}{interval}.\n",
         real.len(),
         config.steps,
         config.batch,

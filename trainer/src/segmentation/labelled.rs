@@ -1,6 +1,6 @@
 //! Labelled scans, from folders of files of any format.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use lidar::formats::{self, Limits};
@@ -13,7 +13,7 @@ use crate::data::scans::scan_files;
 /// By elevation: scans that were projected before they were published have lost the order that tells their rings.
 pub fn labelled_scans(folder: &Path, sensor: &Sensor) -> Result<Vec<RangeImage>> {
     let mut projector = Projector::new(sensor).by_elevation();
-    let read = |file: &std::path::PathBuf| -> Result<RangeImage> {
+    let read = |file: &PathBuf| -> Result<RangeImage> {
         let cloud = formats::read(file, &Limits::default())?;
         ensure!(cloud.label.is_some(), "it has no labels");
         Ok(projector.project(&cloud)?.image)

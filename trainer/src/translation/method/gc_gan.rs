@@ -66,11 +66,11 @@ impl Approach for GcGan {
         };
         let (x, y) = (&step.simulated, &step.real);
         let (x_mirrored, y_mirrored) = (x.mirrored(), y.mirrored());
-        // The same chance decides which rays are lost, or two like answers would differ by it.
-        let of_y = step.drawn(1);
         let shown = step.shown();
         let generated = generator.forward(shown.image, &shown.condition);
         let Answered { simulated, judged, real, miss } = self.setting.answered(step, &generated, step.drawn(2));
+        // The same chance decides which rays are lost, or two like answers would differ by it.
+        let of_y = step.drawn(1);
         let answers_mirrored = answer(&x_mirrored, step.drawn(0).mirrored());
         let identity = difference(answer(y, of_y.clone()), y.image.clone())
             + difference(answer(&y_mirrored, of_y.mirrored()), y_mirrored.image.clone());
