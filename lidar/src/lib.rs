@@ -1,6 +1,7 @@
 //! What a lidar scan is: point cloud, sensor, range image, ray drop, file formats. No network, no machine learning.
 
 mod azimuth;
+pub mod birds_eye;
 pub mod cloud;
 pub mod formats;
 pub mod label;

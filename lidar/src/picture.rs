@@ -6,12 +6,15 @@ use font8x8::legacy::BASIC_LEGACY;
 use image::{ImageFormat, Rgb, RgbImage};
 use thiserror::Error;
 
+use crate::birds_eye::{BirdsEye, Outline};
 use crate::range_image::RangeImage;
 
 /// Colour of what is not there: no return, no ray.
 const NOTHING: Rgb<u8> = Rgb([18, 18, 24]);
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 const INK: Rgb<u8> = Rgb([30, 30, 36]);
+/// Colour of what is outlined.
+const OUTLINE: Rgb<u8> = Rgb([255, 214, 64]);
 
 /// Margin around and between panels, in pixels.
 const MARGIN: u32 = 12;
@@ -87,6 +90,43 @@ pub fn stacked(scans: &[(&RangeImage, &str)]) -> Result<Vec<u8>, PictureError> {
     let panels: Vec<_> = scans.iter().map(panels).collect();
     let captions: Vec<_> = scans.iter().map(|(_, caption)| [*caption, "reflectance"]).collect();
     encode(&sheet(&panels, &captions))
+}
+
+/// Scans from above side by side, each with its caption and outlines over it, as one PNG: height is red, reflectance green, density blue, by
+/// their square roots.
+///
+/// # Panics
+/// If there is none, or they differ in size.
+pub fn from_above<const N: usize>(scans: &[(&BirdsEye, &[Outline], &str); N]) -> Result<Vec<u8>, PictureError> {
+    assert!(scans.iter().all(|(scan, ..)| scan.cells == scans[0].0.cells), "images of one size");
+    let panels = scans.map(|(scan, outlines, _)| {
+        let (side, wide) = (scan.cells as u32, (512 / scan.cells as u32).max(1));
+        let shade = |value: f32| (18.0 + 237.0 * value.clamp(0.0, 1.0).sqrt()) as u8;
+        let colour = |i: usize| Rgb([0, 1, 2].map(|channel| shade(scan.channel(channel)[i])));
+        let mut panel =
+            RgbImage::from_fn(side * wide, side * wide, |x, y| colour((y / wide * side + x / wide) as usize));
+        for corners in outlines {
+            for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+                line(&mut panel, *from, *to, wide as f32);
+            }
+        }
+        panel
+    });
+    encode(&sheet(&[panels], &[scans.map(|(.., caption)| caption)]))
+}
+
+/// A line between two places of a panel, each row and column, whose cells are so many pixels wide.
+fn line(panel: &mut RgbImage, from: [f32; 2], to: [f32; 2], wide: f32) {
+    let pixel = |place: [f32; 2]| place.map(|cell| (cell + 0.5) * wide);
+    let ([y0, x0], [y1, x1]) = (pixel(from), pixel(to));
+    let steps = (y1 - y0).abs().max((x1 - x0).abs()).ceil().clamp(1.0, 1e4);
+    for step in 0..=steps as u32 {
+        let part = step as f32 / steps;
+        let (x, y) = (x0 + part * (x1 - x0), y0 + part * (y1 - y0));
+        if x >= 0.0 && y >= 0.0 && x < panel.width() as f32 && y < panel.height() as f32 {
+            panel.put_pixel(x as u32, y as u32, OUTLINE);
+        }
+    }
 }
 
 /// Colour of a range: Turbo over the logarithm from 2 m (red) to 100 m (blue).
@@ -172,6 +212,7 @@ fn encode(picture: &RgbImage) -> Result<Vec<u8>, PictureError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::birds_eye::Grid;
 
     #[test]
     fn scans_are_stacked_in_their_order() -> Result<(), Box<dyn std::error::Error>> {
@@ -182,6 +223,23 @@ mod tests {
         let near = (0..picture.height()).rfind(|y| has(*y, 5.0));
         let far = (0..picture.height()).find(|y| has(*y, 50.0));
         assert!(near.is_some() && near < far, "{near:?} {far:?}");
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_outlined_is_drawn_where_it_is() -> Result<(), Box<dyn std::error::Error>> {
+        let grid = Grid { reach_m: 8.0, cell_m: 1.0, height_m: [-2.0, 2.0] };
+        let scan = grid.see([[4.5, 4.5, 2.0, 1.0]]);
+        let square = [[7.0, 1.0], [7.0, 7.0], [1.0, 7.0], [1.0, 1.0]].map(|corner| grid.place(corner));
+        let picture = image::load_from_memory(&from_above(&[(&scan, &[square], "a return")])?)?.to_rgb8();
+        let wide = 512 / 16;
+        let at = |x_m: f32, y_m: f32| {
+            let [row, column] = grid.place([x_m, y_m]).map(|cell| ((cell + 0.5) * wide as f32) as u32);
+            *picture.get_pixel(MARGIN + column, MARGIN + LINE + row)
+        };
+        assert_eq!([at(7.0, 4.0), at(4.0, 1.0), at(1.0, 6.0)], [OUTLINE; 3]);
+        let (there, nowhere) = (at(4.5, 4.5), at(2.5, 2.5));
+        assert!(there[0] == 255 && there[1] == 255 && nowhere[0] == 18 && nowhere[1] == 18, "{there:?} {nowhere:?}");
         Ok(())
     }
 
