@@ -6,7 +6,7 @@ use super::view::Coding;
 use crate::network::Generated;
 
 /// Temperature of the Gumbel-sigmoid; the paper's α.
-const ALPHA: f64 = 1.0;
+pub(crate) const ALPHA: f64 = 1.0;
 
 /// How answers lose rays.
 #[derive(Clone, Copy, Debug)]

@@ -8,6 +8,7 @@ pub mod domain;
 pub mod exam;
 pub mod examiner;
 pub mod game;
+pub(crate) mod judge;
 pub mod learner;
 pub mod losses;
 pub mod method;

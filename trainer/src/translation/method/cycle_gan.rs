@@ -1,17 +1,16 @@
 //! `CycleGAN`: Zhu et al., "Unpaired image-to-image translation using cycle-consistent adversarial networks" (2017); with ray drop, the
 //! paper's "baseline + RS".
 
-use anyhow::{Context, Result};
-use burn::module::Module;
+use anyhow::Result;
 use burn::tensor::{Device, Tensor};
 
 use super::told::Answered;
 use super::{Approach, Setting, Step, begin, difference, value};
-use crate::network::{PatchGan, Resnet};
+use crate::network::Resnet;
 use crate::train::{Losses, Parts, Trainee};
 use crate::translation::answer::Answer;
 use crate::translation::config::TranslationConfig;
-use crate::translation::pool::Pool;
+use crate::translation::judge::Judge;
 use crate::translation::sampler::Chance;
 
 /// A generator each way, a discriminator each domain.
@@ -24,23 +23,13 @@ pub struct CycleGan {
     setting: Setting,
 }
 
-/// A discriminator with what it has seen.
-#[derive(Debug)]
-struct Judge {
-    network: Trainee<PatchGan>,
-    pool: Pool,
-}
-
 impl CycleGan {
     /// The generator to real with the weights that it begins with, the others with random ones.
     pub fn new(config: &TranslationConfig, setting: Setting, device: &Device) -> Result<Self> {
         let schedule = &config.schedule;
         let to_real = Trainee::new(begin(config, setting, device)?, schedule);
         let to_simulated = Trainee::new(setting.generator.init(device), schedule);
-        let judge = || Judge {
-            network: Trainee::new(config.discriminator.init(device), schedule),
-            pool: Pool::new(config.losses.pool),
-        };
+        let judge = || Judge::new(&config.discriminator, &config.losses, schedule, device);
         Ok(Self { to_real, to_simulated, real: judge(), simulated: judge(), setting })
     }
 }
@@ -81,11 +70,7 @@ impl Approach for CycleGan {
             ("discriminator", &mut self.real, real, judged),
             ("discriminator_simulated", &mut self.simulated, x.image.clone(), as_simulated.image),
         ] {
-            let shown = judge.pool.exchange(answers, &mut rng);
-            let network = &judge.network.network;
-            let loss = losses.game.discriminator(network.forward(scans), network.forward(shown));
-            values.push((name, value(&loss)));
-            judge.network.step(step.rate, &mut loss.backward());
+            values.push((name, judge.learn(losses.game, (scans, answers), step.rate, &mut rng)));
         }
         values
     }
@@ -106,22 +91,5 @@ impl Approach for CycleGan {
         self.to_simulated.load("generator-back", parts)?;
         self.real.load("discriminator", parts, self.setting.image_numbers)?;
         self.simulated.load("discriminator-back", parts, self.setting.image_numbers)
-    }
-}
-
-impl Judge {
-    fn frozen(&self) -> PatchGan {
-        self.network.network.clone().no_grad()
-    }
-
-    fn save(&self, name: &str, parts: &mut Parts) -> Result<()> {
-        parts.put(&format!("{name}-pool"), self.pool.to_bytes());
-        self.network.save(name, parts)
-    }
-
-    fn load(&mut self, name: &str, parts: &Parts, image_numbers: usize) -> Result<()> {
-        let pool = format!("{name}-pool");
-        self.pool = self.pool.with_bytes(parts.get(&pool)?, image_numbers).context(pool)?;
-        self.network.load(name, parts)
     }
 }
