@@ -3,8 +3,10 @@
 mod benchmark;
 mod calibrate;
 mod compare;
+mod detect;
 mod downstream;
 mod elevation;
+mod from_above;
 mod runs;
 mod segment;
 mod table;
@@ -50,6 +52,10 @@ enum Command {
     Segment(SegmentArgs),
     /// Train segmentation networks on labelled scans, and score them on real ones: what the scans are worth to perception.
     Downstream(downstream::DownstreamArgs),
+    /// Train vehicle detectors on labelled scans seen from above, and score them on real ones.
+    Detect(detect::DetectArgs),
+    /// Write scans as they are seen from above, with the vehicles that their labels show: for detectors of one's own.
+    FromAbove(from_above::FromAboveArgs),
     /// Publish the best networks of runs as the next versions under models/.
     Export(runs::ExportArgs),
     /// Train several methods with several seeds on one budget, and print what came of it side by side.
@@ -126,6 +132,8 @@ impl Cli {
             Command::Compare(args) => args.run()?,
             Command::Segment(args) => args.run()?,
             Command::Downstream(args) => args.run()?,
+            Command::Detect(args) => args.run()?,
+            Command::FromAbove(args) => args.run()?,
             Command::Export(args) => args.run()?,
             Command::Table(args) => args.run()?,
             Command::Simulate(args) => {

@@ -7,6 +7,7 @@ use lidar::Sensor;
 use serde::{Deserialize, Serialize};
 
 use crate::backend::Backend;
+use crate::birds_eye::BirdsEyeConfig;
 use crate::network::{COLUMN_MULTIPLE, UNetConfig};
 use crate::translation::TranslationConfig;
 
@@ -111,13 +112,15 @@ fn yes() -> bool {
 /// Longest chain of configs of which each extends the next.
 const MAX_DEPTH: usize = 8;
 
-/// A config of either kind.
+/// A config of any kind.
 #[derive(Clone, Debug)]
 pub enum AnyConfig {
     /// Learning from real scans alone, scored on them.
     Supervised(Box<TrainConfig>),
     /// Translating simulated scans into real ones: whatever names a `method`.
     Translation(Box<TranslationConfig>),
+    /// The same of scans seen from above: whatever names a `grid`.
+    BirdsEye(Box<BirdsEyeConfig>),
 }
 
 impl AnyConfig {
@@ -127,6 +130,8 @@ impl AnyConfig {
         let context = || format!("config {}", path.display());
         Ok(if table.contains_key("method") {
             Self::Translation(Box::new(TranslationConfig::from_table(table).with_context(context)?))
+        } else if table.contains_key("grid") {
+            Self::BirdsEye(Box::new(BirdsEyeConfig::from_table(table).with_context(context)?))
         } else {
             let config: TrainConfig = table.try_into().with_context(context)?;
             config.check().with_context(context)?;
@@ -184,7 +189,7 @@ impl TrainConfig {
     pub fn read(path: &Path) -> Result<Self> {
         match AnyConfig::read(path)? {
             AnyConfig::Supervised(config) => Ok(*config),
-            AnyConfig::Translation(_) => bail!("config {} is a translation's", path.display()),
+            AnyConfig::Translation(_) | AnyConfig::BirdsEye(_) => bail!("config {} is a translation's", path.display()),
         }
     }
 

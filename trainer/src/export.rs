@@ -5,7 +5,7 @@ mod verify;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use burn::module::{Module, ModuleDisplay};
 use burn::tensor::{Device, Tensor};
 use lidar::Sensor;
@@ -77,6 +77,7 @@ pub fn export(run: &Path, data_root: &Path) -> Result<(Vec<u8>, Card)> {
             let answers_with_middle = config.learns_pairs() && !config.generator.scatter;
             with_measured(onnx, card, data_root, &config.real.train, answers_with_middle)
         }
+        AnyConfig::BirdsEye(_) => bail!("{}: what is seen from above does not lead back to points", run.display()),
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod backend;
 pub mod benchmark;
+pub mod birds_eye;
 pub mod closed_loop;
 pub mod config;
 pub mod data;

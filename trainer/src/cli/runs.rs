@@ -8,6 +8,7 @@ use clap::Args;
 use lidar::ray_drop::Bursts;
 use proto::card::Card;
 use trainer::backend::Backend;
+use trainer::birds_eye::{self, BirdsEyeConfig};
 use trainer::config::{AnyConfig, TrainConfig};
 use trainer::drop_bursts::Lost;
 use trainer::exported::{self, Answered, Asked};
@@ -124,6 +125,11 @@ impl TrainArgs {
                 let config = TranslationConfig { backend, seed, ..*config }.with_teacher(self.teacher)?;
                 translation::train(&config, &run)?.map(|scores| scores.to_table())
             }
+            AnyConfig::BirdsEye(config) => {
+                ensure!(self.teacher.is_none(), "--teacher: what is seen from above has no teacher");
+                let (backend, seed) = (self.backend.unwrap_or(config.backend), self.seed.unwrap_or(config.seed));
+                birds_eye::training::train(&BirdsEyeConfig { backend, seed, ..*config }, &run)?
+            }
         };
         if let Some(table) = table {
             println!("{table}");
@@ -142,6 +148,10 @@ impl EvaluateArgs {
                     self.run.display()
                 )
             }
+            AnyConfig::BirdsEye(_) if self.segmentation.is_some() => {
+                bail!("--segmentation: {} is no translation of range images", self.run.display())
+            }
+            AnyConfig::BirdsEye(_) => birds_eye::training::evaluate(&self.run, &self.data),
             AnyConfig::Supervised(config) => Ok(supervised::scores(&config, &self.run, &self.data)?.to_table()),
             AnyConfig::Translation(config) => match &self.segmentation {
                 None => Ok(translation::training::scores(&config, &self.run, &self.data)?.to_table()),

@@ -23,6 +23,9 @@ const MOST_DOUBLINGS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PatchGanConfig {
+    /// Channels of the images, no config's to say: a range image has [`IMAGE_CHANNELS`].
+    #[serde(skip)]
+    pub channels: usize,
     /// Channels of the first layer; the papers' ndf.
     pub width: usize,
     /// Halvings: 3 for patches of 70×70 pixels, as in the papers; 2 for 34×34, 1 for 16×16, which sensors of few rings need.
@@ -35,7 +38,7 @@ pub struct PatchGanConfig {
 
 impl Default for PatchGanConfig {
     fn default() -> Self {
-        Self { width: 64, halvings: 3, norm: NormKind::Instance, gain: CUTS_GAIN }
+        Self { channels: IMAGE_CHANNELS, width: 64, halvings: 3, norm: NormKind::Instance, gain: CUTS_GAIN }
     }
 }
 
@@ -56,7 +59,7 @@ impl PatchGanConfig {
             (conv(channels, 4, 1, self.gain, device), self.norm.init(channels[1], device))
         };
         PatchGan {
-            first: conv([IMAGE_CHANNELS, self.width], 4, 1, self.gain, device),
+            first: conv([self.channels, self.width], 4, 1, self.gain, device),
             deeper: (0..self.halvings).map(deeper).collect(),
             head: conv([width(self.halvings), 1], 4, 1, CUTS_GAIN, device),
         }
@@ -71,7 +74,7 @@ impl PatchGanConfig {
 }
 
 impl PatchGan {
-    /// Logits that patches are real, `[batch, 1, patch, patch]`, of range code and reflectance, `[batch, 2, ring, column]`.
+    /// Logits that patches are real, `[batch, 1, patch, patch]`, of images, `[batch, channel, ring, column]`.
     pub fn forward(&self, image: Tensor<4>) -> Tensor<4> {
         let mut x = leaky_relu(self.first.forward(image), LEAK);
         for (conv, norm) in &self.deeper {

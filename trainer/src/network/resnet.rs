@@ -19,7 +19,8 @@ use super::residual::{Block, Stage};
 use super::rings::Rings;
 use super::scatter::scale;
 
-/// Channels of what the generator is given and gives: range code and reflectance, −1 to 1; it gives a logit of the ray drop besides.
+/// Channels of a range image as the generator is given it and gives it: range code and reflectance, −1 to 1; it gives a logit of the ray drop
+/// besides.
 pub const IMAGE_CHANNELS: usize = 2;
 
 /// Halvings of the image: rings and columns have to be multiples of 2 to the power of it.
@@ -30,6 +31,9 @@ pub(super) const HALVINGS: usize = 2;
 #[serde(deny_unknown_fields, default)]
 #[expect(clippy::struct_excessive_bools, reason = "parts that a network has or has not, each whatever the others are")]
 pub struct ResnetConfig {
+    /// Channels of the images, no config's to say: a range image has [`IMAGE_CHANNELS`].
+    #[serde(skip)]
+    pub channels: usize,
     /// Channels of the first layer; the papers' ngf.
     pub width: usize,
     /// Residual blocks.
@@ -75,6 +79,7 @@ pub enum Output {
 impl Default for ResnetConfig {
     fn default() -> Self {
         Self {
+            channels: IMAGE_CHANNELS,
             width: 64,
             blocks: 9,
             norm: NormKind::Instance,
@@ -112,6 +117,8 @@ pub struct Resnet {
     output: Output,
     #[module(skip)]
     range_reach: f32,
+    #[module(skip)]
+    channels: usize,
 }
 
 impl ResnetConfig {
@@ -119,7 +126,7 @@ impl ResnetConfig {
     pub fn init(&self, device: &Device) -> Resnet {
         let (width, joined) = (self.width, self.joined());
         Resnet {
-            image: Encoder::new(self, IMAGE_CHANNELS + if self.relief { RELIEF_CHANNELS } else { 0 }, device),
+            image: Encoder::new(self, self.channels + if self.relief { RELIEF_CHANNELS } else { 0 }, device),
             condition: self.condition.then(|| Encoder::new(self, 1, device)),
             rings: (self.rings > 0).then(|| Rings::new(self, device)),
             blocks: (joined..self.blocks).map(|_| Block::new(self, device)).collect(),
@@ -131,6 +138,7 @@ impl ResnetConfig {
             scatter: self.scatter,
             output: self.output,
             range_reach: self.range_reach,
+            channels: self.channels,
         }
     }
 
@@ -141,7 +149,7 @@ impl ResnetConfig {
 
     /// Channels of what the last layer says.
     pub(super) fn said(&self) -> usize {
-        IMAGE_CHANNELS + 1 + usize::from(self.scatter)
+        self.channels + 1 + usize::from(self.scatter)
     }
 
     /// What rings and columns have to be multiples of.
@@ -152,7 +160,7 @@ impl ResnetConfig {
     /// Channels of each layer of [`Resnet::features`].
     pub fn feature_channels(&self) -> Vec<usize> {
         let deep = self.width << HALVINGS;
-        vec![IMAGE_CHANNELS, self.width << 1, deep, deep, deep]
+        vec![self.channels, self.width << 1, deep, deep, deep]
     }
 }
 
@@ -198,15 +206,16 @@ impl Resnet {
         let x = self.head.forward(self.border.pad(x, 3));
         let x = self.rings.iter().fold(x, |x, rings| x + rings.head.val());
         let channels = |from: usize, to: usize| x.clone().slice(s![.., from..to, .., ..]);
-        let said = channels(0, IMAGE_CHANNELS);
+        let keep = self.channels;
+        let said = channels(0, keep);
         let image = match self.output {
             Output::Whole => said.tanh(),
             Output::Correction => {
-                image + Tensor::cat(vec![channels(0, 1).tanh() * self.range_reach, channels(1, 2)], 1)
+                image + Tensor::cat(vec![channels(0, 1).tanh() * self.range_reach, channels(1, keep)], 1)
             }
         };
-        let scatter = self.scatter.then(|| scale(channels(IMAGE_CHANNELS + 1, IMAGE_CHANNELS + 2)));
-        Generated { image, keep_logit: channels(IMAGE_CHANNELS, IMAGE_CHANNELS + 1), scatter }
+        let scatter = self.scatter.then(|| scale(channels(keep + 1, keep + 2)));
+        Generated { image, keep_logit: channels(keep, keep + 1), scatter }
     }
 
     /// The latent features after the first block that knows the condition, and what of the image was halved before; they and those that are

@@ -37,7 +37,19 @@ impl Default for DarknetConfig {
     }
 }
 
-/// The network. In: `[batch, 4, ring, column]`, see [`input`](super::input); out: a logit a class, `[batch, class, ring, column]`.
+/// What a [`Darknet`] is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Channels of what it is shown.
+    pub seen: usize,
+    /// Channels of what it says.
+    pub said: usize,
+    /// Rows and columns that become one on the way down, level by level.
+    pub strides: [[usize; 2]; 4],
+}
+
+/// The network. In: `[batch, channel, ring, column]`, of range images see [`input`](super::input); out as many rings and columns, of range
+/// images a logit a class.
 #[derive(Module, Debug)]
 pub struct Darknet {
     stem: Stage,
@@ -78,23 +90,28 @@ struct Up {
 }
 
 impl DarknetConfig {
-    /// A network with random weights.
+    /// A network with random weights that tells the classes of range images.
     pub fn init(&self, device: &Device) -> Darknet {
+        self.shaped(Shape { seen: CHANNELS, said: CLASSES, strides: STRIDES }, device)
+    }
+
+    /// A network with random weights for other images.
+    pub fn shaped(&self, Shape { seen, said, strides }: Shape, device: &Device) -> Darknet {
         let c = self.channels;
         let down = |i: usize| Down {
-            halve: Stage::new([c[i], c[i + 1]], 3, STRIDES[i], device),
+            halve: Stage::new([c[i], c[i + 1]], 3, strides[i], device),
             block: Block::new(c[i + 1], device),
         };
         let up = |i: usize| Up {
-            double: ConvTranspose2dConfig::new([c[i + 1], c[i]], STRIDES[i]).with_stride(STRIDES[i]).init(device),
+            double: ConvTranspose2dConfig::new([c[i + 1], c[i]], strides[i]).with_stride(strides[i]).init(device),
             norm: BatchNormConfig::new(c[i]).init(device),
             block: Block::new(c[i], device),
         };
         Darknet {
-            stem: Stage::new([CHANNELS, c[0]], 3, [1, 1], device),
-            down: (0..STRIDES.len()).map(down).collect(),
-            up: (0..STRIDES.len()).rev().map(up).collect(),
-            head: Conv2dConfig::new([c[0], CLASSES], [1, 1]).init(device),
+            stem: Stage::new([seen, c[0]], 3, [1, 1], device),
+            down: (0..strides.len()).map(down).collect(),
+            up: (0..strides.len()).rev().map(up).collect(),
+            head: Conv2dConfig::new([c[0], said], [1, 1]).init(device),
         }
     }
 }

@@ -49,8 +49,9 @@ pub(super) fn fit(config: &SegmentationConfig, sampler: &Sampler) -> Result<Dark
     tracing::info!(parameters = network.num_params(), "network");
     let mut sum = 0.0;
     for step in 0..config.steps {
+        let rate = warm_cosine(config.learning_rate, config.steps, step);
         let loss;
-        (network, loss) = learn(network, &mut optimizer, &sampler.batch(step, &device), rate(config, step));
+        (network, loss) = learn(network, &mut optimizer, &sampler.batch(step, &device), rate);
         ensure!(loss.is_finite(), "step {step}: the loss is {loss}");
         sum += loss;
         if (step + 1).is_multiple_of(LOG_EVERY) {
@@ -75,10 +76,10 @@ fn cross_entropy(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
     -(log_softmax(logits, 1) * target.clone()).sum() / target.sum().clamp_min(1e-6)
 }
 
-/// Half a cosine, after a rise over the first twentieth of the steps.
-fn rate(config: &SegmentationConfig, step: usize) -> f64 {
-    let done = step as f64 / config.steps as f64;
-    config.learning_rate * (20.0 * (done + 1.0 / config.steps as f64)).min(1.0) * 0.5 * (1.0 + (PI * done).cos())
+/// The learning rate of a step: half a cosine from its highest, after a rise over the first twentieth of the steps.
+pub(crate) fn warm_cosine(highest: f64, steps: usize, step: usize) -> f64 {
+    let done = step as f64 / steps as f64;
+    highest * (20.0 * (done + 1.0 / steps as f64)).min(1.0) * 0.5 * (1.0 + (PI * done).cos())
 }
 
 /// Labelled scans, real ones and streets.

@@ -1,0 +1,56 @@
+//! What detectors of one's own learn from: scans from above as files.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use lidar::birds_eye::{BirdsEye, CHANNELS, Grid};
+use lidar::formats::write_atomically;
+use npyz::WriterBuilder;
+use serde_json::{Value, json};
+
+use super::config::BirdsEyeConfig;
+use super::scan::{Scan, Turn};
+use super::training::translator_for;
+use super::vehicles::Vehicles;
+use crate::data::scans::scan_files;
+
+/// Writes every scan of a folder from above, as it is or as a run's translation makes it: `NAME.npy`, float32 `[3, row, column]`, `NAME.json`,
+/// the vehicles that its labels show, and `NAME.png` to look at. Returns the arrays' paths.
+pub fn write(config: &BirdsEyeConfig, scans: &Path, through: Option<&Path>, out: &Path) -> Result<Vec<PathBuf>> {
+    let translator = through.map(|run| translator_for(run, config)).transpose()?;
+    let (files, scans) = (scan_files(scans)?, Scan::read_all(scans, config.projector()?)?);
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let write = |((file, scan), seed): ((&PathBuf, &Scan), u64)| -> Result<PathBuf> {
+        let (seen, vehicles) = scan.seen(&config.grid, Turn::default());
+        let image = translator.as_ref().map_or_else(|| seen.clone(), |translator| translator.translate(&seen, seed));
+        let path = |extension: &str| out.join(file.with_extension(extension).file_name().unwrap_or_default());
+        write_atomically(&path("npy"), &array(&image)?)?;
+        write_atomically(&path("json"), &serde_json::to_vec_pretty(&described(&config.grid, &vehicles))?)?;
+        write_atomically(&path("png"), &drawn(&config.grid, &image, &vehicles)?)?;
+        Ok(path("npy"))
+    };
+    files.iter().zip(&scans).zip(0..).map(write).collect()
+}
+
+fn array(image: &BirdsEye) -> Result<Vec<u8>> {
+    let mut bytes = vec![];
+    let shape = [CHANNELS, image.cells, image.cells].map(|n| n as u64);
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd()?;
+    writer.extend(image.values.iter().copied())?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+fn described(grid: &Grid, vehicles: &Vehicles) -> Value {
+    json!({
+        "grid": grid,
+        "channels": ["height", "reflectance", "density"],
+        "vehicles": vehicles.clear,
+        "unclear": vehicles.unclear,
+    })
+}
+
+fn drawn(grid: &Grid, image: &BirdsEye, vehicles: &Vehicles) -> Result<Vec<u8>> {
+    let outlines: Vec<_> = vehicles.clear.iter().map(|vehicle| vehicle.outline(grid)).collect();
+    Ok(lidar::picture::from_above(&[(image, &[][..], "from above"), (image, &outlines, "vehicles by its labels")])?)
+}
