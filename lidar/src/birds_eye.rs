@@ -104,7 +104,7 @@ impl Grid {
             if z > highest[i] {
                 highest[i] = z;
                 values[i] = (z - low) / (high - low);
-                values[area + i] = reflectance.clamp(0.0, 1.0);
+                values[area + i] = if reflectance > 0.0 { reflectance.min(1.0) } else { 0.0 };
             }
         }
         for count in &mut values[2 * area..] {
@@ -157,6 +157,13 @@ mod tests {
         assert!(seen.occupied(i) && seen.values.iter().filter(|value| **value > 0.0).count() == 3);
         let crowd = GRID.see(std::iter::repeat_n([0.5, 0.5, 0.0, 0.2], 1000));
         assert_eq!(crowd.channel(2)[i], 1.0);
+    }
+
+    #[test]
+    fn what_is_no_number_is_not_seen() {
+        let seen = GRID.see([[f32::NAN, 0.5, 0.0, 0.5], [0.5, 0.5, f32::NAN, 0.5], [1.5, 1.5, 0.0, f32::NAN]]);
+        assert!(seen.values.iter().all(|value| value.is_finite()));
+        assert_eq!((0..16).filter(|i| seen.occupied(*i)).count(), 1);
     }
 
     #[test]

@@ -6,13 +6,28 @@ use anyhow::{Context, Result};
 use lidar::birds_eye::{BirdsEye, CHANNELS, Grid};
 use lidar::formats::write_atomically;
 use npyz::WriterBuilder;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::config::BirdsEyeConfig;
+use super::footprint::Footprint;
 use super::scan::{Scan, Turn};
 use super::training::translator_for;
 use super::vehicles::Vehicles;
 use crate::data::scans::scan_files;
+
+/// Names of an array's channels.
+const CHANNEL_NAMES: [&str; CHANNELS] = ["height", "reflectance", "density"];
+
+/// What an array shows.
+#[derive(Serialize)]
+struct Described {
+    grid: Grid,
+    channels: [&'static str; CHANNELS],
+    /// As [`Vehicles::clear`].
+    vehicles: Vec<Footprint>,
+    /// As [`Vehicles::unclear`].
+    unclear: Vec<Footprint>,
+}
 
 /// Writes every scan of a folder from above, as it is or as a run's translation makes it: `NAME.npy`, float32 `[3, row, column]`, `NAME.json`,
 /// the vehicles that its labels show, and `NAME.png` to look at. Returns the arrays' paths.
@@ -25,8 +40,10 @@ pub fn write(config: &BirdsEyeConfig, scans: &Path, through: Option<&Path>, out:
         let image = translator.as_ref().map_or_else(|| seen.clone(), |translator| translator.translate(&seen, seed));
         let path = |extension: &str| out.join(file.with_extension(extension).file_name().unwrap_or_default());
         write_atomically(&path("npy"), &array(&image)?)?;
-        write_atomically(&path("json"), &serde_json::to_vec_pretty(&described(&config.grid, &vehicles))?)?;
-        write_atomically(&path("png"), &drawn(&config.grid, &image, &vehicles)?)?;
+        let Vehicles { clear: vehicles, unclear } = vehicles;
+        let described = Described { grid: config.grid, channels: CHANNEL_NAMES, vehicles, unclear };
+        write_atomically(&path("json"), &serde_json::to_vec_pretty(&described)?)?;
+        write_atomically(&path("png"), &drawn(&config.grid, &image, &described.vehicles)?)?;
         Ok(path("npy"))
     };
     files.iter().zip(&scans).zip(0..).map(write).collect()
@@ -41,16 +58,7 @@ fn array(image: &BirdsEye) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn described(grid: &Grid, vehicles: &Vehicles) -> Value {
-    json!({
-        "grid": grid,
-        "channels": ["height", "reflectance", "density"],
-        "vehicles": vehicles.clear,
-        "unclear": vehicles.unclear,
-    })
-}
-
-fn drawn(grid: &Grid, image: &BirdsEye, vehicles: &Vehicles) -> Result<Vec<u8>> {
-    let outlines: Vec<_> = vehicles.clear.iter().map(|vehicle| vehicle.outline(grid)).collect();
+fn drawn(grid: &Grid, image: &BirdsEye, vehicles: &[Footprint]) -> Result<Vec<u8>> {
+    let outlines: Vec<_> = vehicles.iter().map(|vehicle| vehicle.outline(grid)).collect();
     Ok(lidar::picture::from_above(&[(image, &[][..], "from above"), (image, &outlines, "vehicles by its labels")])?)
 }

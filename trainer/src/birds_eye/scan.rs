@@ -52,11 +52,11 @@ impl Scan {
 
     /// A cloud's.
     fn of(cloud: &PointCloud, projector: Option<&mut Projector>) -> Result<Self> {
-        let whole = match projector {
-            None => None,
-            Some(projector) => Some(projector.project(cloud)?.pixel_of_point),
+        let whole = projector.map(|projector| projector.project(cloud)).transpose()?.map(|whole| whole.pixel_of_point);
+        let kept = |i: &usize| match &whole {
+            Some(pixels) => pixels[*i] != NO_PIXEL,
+            None => cloud.range_m(*i).is_finite(),
         };
-        let kept = |i: &usize| whole.as_ref().is_none_or(|pixels| pixels[*i] != NO_PIXEL);
         let kept: Vec<u32> = (0..cloud.len()).filter(kept).map(|i| i as u32).collect();
         let cloud = cloud.select(&kept);
         let of = |i| [cloud.x[i], cloud.y[i], cloud.z[i], cloud.intensity[i] / cloud.full_scale];
