@@ -203,6 +203,16 @@ fn detectors_learn_from_what_a_run_makes_of_scans_if_both_see_alike() -> Fact {
         "{described}"
     );
 
+    let refused = |out: &str| {
+        let written = dataset::write(&config, &path("simulated"), None, &path(out));
+        written.map_or_else(|e| format!("{e:#}"), |_| String::new())
+    };
+    formats::write(&path("simulated/001.npy"), &scan(7, 0.5, [CAR, VEGETATION]))?;
+    assert!(refused("twice").contains("another has the same name") && !path("twice").exists(), "{}", refused("twice"));
+    std::fs::remove_file(path("simulated/001.ply"))?;
+    assert!(refused("simulated").contains("is a scan itself"), "{}", refused("simulated"));
+    std::fs::remove_file(path("simulated/001.npy"))?;
+
     config.grid.height_m = [-2.0, 2.0];
     let refused =
         detection(&config, &[path("simulated")], &question).map_or_else(|e| format!("{e:#}"), |_| String::new());

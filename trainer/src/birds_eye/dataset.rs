@@ -1,8 +1,9 @@
 //! What detectors of one's own learn from: scans from above as files.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use lidar::birds_eye::{BirdsEye, CHANNELS, Grid};
 use lidar::formats::write_atomically;
 use npyz::WriterBuilder;
@@ -34,17 +35,24 @@ struct Described {
 pub fn write(config: &BirdsEyeConfig, scans: &Path, through: Option<&Path>, out: &Path) -> Result<Vec<PathBuf>> {
     let translator = through.map(|run| translator_for(run, config)).transpose()?;
     let (files, scans) = (scan_files(scans)?, Scan::read_all(scans, config.projector()?)?);
+    let target = |file: &PathBuf| out.join(file.with_extension("npy").file_name().unwrap_or_default());
+    let mut targets = BTreeSet::new();
+    for file in &files {
+        let target = target(file);
+        ensure!(!files.contains(&target), "{} is a scan itself: choose another folder to write to", target.display());
+        ensure!(targets.insert(target), "scan {}: another has the same name", file.display());
+    }
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let write = |((file, scan), seed): ((&PathBuf, &Scan), u64)| -> Result<PathBuf> {
         let (seen, vehicles) = scan.seen(&config.grid, Turn::default());
         let image = translator.as_ref().map_or_else(|| seen.clone(), |translator| translator.translate(&seen, seed));
-        let path = |extension: &str| out.join(file.with_extension(extension).file_name().unwrap_or_default());
-        write_atomically(&path("npy"), &array(&image)?)?;
+        let target = target(file);
+        write_atomically(&target, &array(&image)?)?;
         let Vehicles { clear: vehicles, unclear } = vehicles;
         let described = Described { grid: config.grid, channels: CHANNEL_NAMES, vehicles, unclear };
-        write_atomically(&path("json"), &serde_json::to_vec_pretty(&described)?)?;
-        write_atomically(&path("png"), &drawn(&config.grid, &image, &described.vehicles)?)?;
-        Ok(path("npy"))
+        write_atomically(&target.with_extension("json"), &serde_json::to_vec_pretty(&described)?)?;
+        write_atomically(&target.with_extension("png"), &drawn(&config.grid, &image, &described.vehicles)?)?;
+        Ok(target)
     };
     files.iter().zip(&scans).zip(0..).map(write).collect()
 }
