@@ -181,13 +181,15 @@ fn detectors_learn_from_what_a_run_makes_of_scans_if_both_see_alike() -> Fact {
     write(&path("simulated"), 0..3, 0.8, [CAR, VEGETATION])?;
     write(&path("real"), 50..53, 0.2, [CAR, VEGETATION])?;
     let mut config = config("")?;
-    (config.schedule.steps, config.schedule.checkpoint_every, config.detector.steps) = (2, 2, 2);
+    (config.schedule.steps, config.schedule.checkpoint_every, config.detector.steps) = (2, 2, 150);
     let run = run(root.path(), "run");
     train(&config, &run)?;
     let question = Question { real: path("real"), through: vec![run.out.clone()], seeds: vec![1, 2] };
     let table = detection(&config, &[path("simulated")], &question)?.table;
     assert!(table.lines().nth(3).is_some_and(|line| line.contains("simulated, through ")), "{table}");
     assert!(table.lines().nth(2).is_some_and(|line| line.contains(" ± ")), "{table}");
+    let scores = |row: usize| table.lines().nth(2 + row).map(|line| line.split(" | 3 | ").nth(1));
+    assert_ne!(scores(0), scores(1), "detectors of their own: {table}");
 
     // The same as files.
     let files = dataset::write(&config, &path("simulated"), Some(&run.out), &path("out"))?;
@@ -196,6 +198,9 @@ fn detectors_learn_from_what_a_run_makes_of_scans_if_both_see_alike() -> Fact {
     assert_eq!(array.shape(), [3, 32, 32]);
     let values: Vec<f32> = array.into_vec()?;
     assert!(values.iter().all(|value| (0.0..=1.0).contains(value)));
+    let plain = dataset::write(&config, &path("simulated"), None, &path("plain"))?;
+    let plain: Vec<f32> = npyz::NpyFile::new(std::fs::File::open(&plain[1])?)?.into_vec()?;
+    assert!(plain.len() == values.len() && plain != values, "translated");
     let described: serde_json::Value = serde_json::from_slice(&std::fs::read(path("out/001.json"))?)?;
     assert_eq!(described["vehicles"].as_array().map(Vec::len), Some(3));
     assert!(
