@@ -10,6 +10,12 @@ pub(crate) fn mean_with_interval(values: &[f64]) -> String {
     }
 }
 
+/// Which seeds these were, and what stands beside their means.
+pub(crate) fn said(seeds: &[u64]) -> String {
+    let interval = if seeds.len() > 1 { ", ± half of a 95 % interval over them (Student's t)" } else { "" };
+    format!("seeds {seeds:?}{interval}")
+}
+
 /// Mean, and half the width of its 95 % interval by Student's t, where there is more than one value.
 fn mean_and_interval(values: &[f64]) -> (f64, Option<f64>) {
     /// 97.5 % quantiles of Student's t with 1 to 9 degrees of freedom.

@@ -19,7 +19,7 @@ use super::training::translator_for;
 use super::translator::Translator;
 use super::vehicles::Vehicles;
 use crate::network::Border;
-use crate::seeds::mean_with_interval;
+use crate::seeds::{self, mean_with_interval};
 use crate::segmentation::Darknet;
 use crate::segmentation::train::warm_cosine;
 
@@ -105,13 +105,13 @@ pub fn detection(config: &BirdsEyeConfig, folders: &[PathBuf], question: &Questi
             write!(table, " {} | {} |", over_seeds(&Score::mean), over_seeds(&|score| score.overlap))?;
         }
     }
-    let interval = if seeds.len() > 1 { ", ± half of a 95 % interval over them (Student's t)" } else { "" };
     writeln!(
         table,
-        "\n\n{vehicles} vehicles in {} real scans; {} steps of {} scans, seeds {seeds:?}{interval}.",
+        "\n\n{vehicles} vehicles in {} real scans; {} steps of {} scans, {}.",
         images.len(),
         config.detector.steps,
-        config.detector.batch
+        config.detector.batch,
+        seeds::said(seeds)
     )?;
     let fullest = (0..truth.len()).max_by_key(|i| truth[*i].clear.len()).unwrap_or_default();
     let picture = picture(grid, (&images[fullest], &truth[fullest]), &last[fullest])?;

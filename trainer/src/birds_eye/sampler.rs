@@ -1,5 +1,6 @@
 //! Batches of both domains for the game; the same step gives the same batch, whenever it is drawn.
 
+use anyhow::{Result, ensure};
 use burn::tensor::{Device, Tensor, TensorData};
 use lidar::birds_eye::{BirdsEye, CHANNELS, Grid};
 use rand::{Rng, RngExt};
@@ -37,22 +38,49 @@ impl Sampler {
         })
     }
 
-    /// A cut-out of any of the scans, turned anyhow, that shows something, `[channel, row, column]`.
+    /// Whether every scan shows as much as a cut-out has to.
+    pub(super) fn check(&self) -> Result<()> {
+        for (scans, name) in [(&self.simulated, "simulated.train"), (&self.real, "real.train")] {
+            for (k, scan) in scans.iter().enumerate() {
+                let found = occupied(scan.seen(&self.grid, Turn::default()).0.channel(CHANNELS - 1));
+                ensure!(
+                    found >= self.least(),
+                    "{name}: scan {k} has returns in {found} cells, expected {} or more",
+                    self.least()
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Cells with returns that a cut-out has at least.
+    fn least(&self) -> usize {
+        (LEAST_OCCUPIED * (self.side * self.side) as f32).ceil() as usize
+    }
+
+    /// A cut-out of any of the scans, turned anyhow, that shows enough, or the most of all that were drawn, `[channel, row, column]`.
     fn square(&self, scans: &[Scan], rng: &mut impl Rng) -> Vec<f32> {
-        let mut square = vec![];
+        let (mut most, mut fullest) = (0, vec![]);
         for _ in 0..ATTEMPTS {
             let scan = &scans[rng.random_range(0..scans.len())];
             let (seen, _) = scan.seen(&self.grid, Turn::random(rng));
             let corner = [0, 1].map(|_| rng.random_range(0..=self.grid.cells() - self.side));
-            square = cut(&seen, self.side, corner).collect();
-            let area = self.side * self.side;
-            let occupied = square[(CHANNELS - 1) * area..].iter().filter(|density| **density > 0.0).count();
-            if occupied as f32 >= LEAST_OCCUPIED * area as f32 {
+            let square: Vec<f32> = cut(&seen, self.side, corner).collect();
+            let found = occupied(&square[(CHANNELS - 1) * self.side * self.side..]);
+            if found >= most {
+                (most, fullest) = (found, square);
+            }
+            if most >= self.least() {
                 break;
             }
         }
-        square
+        fullest
     }
+}
+
+/// Cells with returns, of all cells' densities.
+fn occupied(densities: &[f32]) -> usize {
+    densities.iter().filter(|density| **density > 0.0).count()
 }
 
 /// From values, 0 to 1, to what networks see, −1 to 1; a cell without a return is −1 in all channels.
@@ -93,6 +121,9 @@ mod tests {
         let scans = Scan::read_all(folder.path(), None)?;
         let grid = Grid { reach_m: 16.0, cell_m: 0.5, height_m: [-1.0, 1.0] };
         let sampler = Sampler { simulated: scans.clone(), real: scans, grid, seed: 1, batch: 8, side: 16 };
+        assert!(sampler.check().is_ok());
+        let finer = Sampler { side: 64, ..sampler.clone() };
+        assert!(finer.check().is_err_and(|e| e.to_string().starts_with("simulated.train: scan 0 has returns in ")));
         let values = |x: &Tensor<4>| x.to_data().iter::<f32>().collect::<Vec<f32>>();
         let device = Device::flex();
         let [simulated, real] = sampler.pair(3, &device);

@@ -16,7 +16,7 @@ use super::scan::{Scan, Turn};
 use super::translator::Translator;
 use crate::train::checkpoint::load_network;
 use crate::train::run::best_of;
-use crate::train::{Ending, Plan, Run, Validation, teach};
+use crate::train::{Ending, Run, Validation, teach};
 
 /// Names of the channels' distances.
 const DISTANCES: [&str; CHANNELS] = ["SWD of heights", "SWD of reflectances", "SWD of densities"];
@@ -32,15 +32,9 @@ pub fn train(config: &BirdsEyeConfig, run: &Run) -> Result<Option<String>> {
         batch: config.schedule.batch,
         side: config.schedule.crop_columns,
     };
+    sampler.check()?;
     let mut learner = CycleGan::new(config, sampler, Examiner::load(config, &run.data)?)?;
-    let schedule = &config.schedule;
-    let plan = Plan {
-        steps: schedule.steps,
-        checkpoint_every: schedule.checkpoint_every,
-        samples_every: schedule.samples_every,
-        patience: schedule.patience,
-    };
-    if teach(&mut learner, &plan, run, newest.as_deref())? == Ending::Stopped {
+    if teach(&mut learner, &config.schedule.plan(), run, newest.as_deref())? == Ending::Stopped {
         return Ok(None);
     }
     Ok(Some(evaluate(&run.out, &run.data)?))

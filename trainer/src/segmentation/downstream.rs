@@ -15,7 +15,7 @@ use super::score::SegmentationScore;
 use super::streets::thin_out;
 use super::train::fit;
 use super::weights::{Segmentation, SegmentationCard};
-use crate::seeds::mean_with_interval;
+use crate::seeds::{self, mean_with_interval};
 
 /// What networks are asked.
 #[derive(Clone, Debug)]
@@ -74,15 +74,15 @@ pub fn downstream(config: &SegmentationConfig, folders: &[PathBuf], question: &Q
             write!(out, " {} |", over_seeds(&|score| score.iou[class].1))?;
         }
     }
-    let interval = if seeds.len() > 1 { ", ± half of a 95 % interval over them (Student's t)" } else { "" };
     let blind = if *reflectance { "" } else { ", reflectances unseen" };
     write!(
         out,
-        "\n\n{} real scans; {} steps of {} cut-outs of {} columns, seeds {seeds:?}{blind}{interval}.\n",
+        "\n\n{} real scans; {} steps of {} cut-outs of {} columns, {}{blind}.\n",
         real.len(),
         config.steps,
         config.batch,
-        config.crop_columns
+        config.crop_columns,
+        seeds::said(seeds)
     )?;
     Ok(out)
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::train::Plan;
+
 /// How the losses are minimised.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -54,6 +56,12 @@ impl Default for Schedule {
 }
 
 impl Schedule {
+    /// What the training loop has to know of it.
+    pub fn plan(&self) -> Plan {
+        let Self { steps, checkpoint_every, samples_every, patience, .. } = *self;
+        Plan { steps, checkpoint_every, samples_every, patience }
+    }
+
     /// The learning rate of a step.
     pub fn rate(&self, step: usize) -> f64 {
         let decays = step.checked_div(self.decay_every).unwrap_or(0);

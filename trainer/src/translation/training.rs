@@ -27,7 +27,7 @@ use crate::network::{Measurement, UNet};
 use crate::train::checkpoint::load_network;
 use crate::train::run::best_of;
 use crate::train::supervised::Student;
-use crate::train::{Ending, Learner, Plan, Run, Trainee, teach};
+use crate::train::{Ending, Learner, Run, Trainee, teach};
 
 /// How real the answers of a run's best network are, on test scans.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,14 +102,7 @@ pub fn train(config: &TranslationConfig, run: &Run) -> Result<Option<Translation
     };
     let learn_from = |real: &Domain| simulated(&config.simulated.train, real);
     let mut learner = learner(config, &grid, (learn_from, real), examiner)?;
-    let schedule = &config.schedule;
-    let plan = Plan {
-        steps: schedule.steps,
-        checkpoint_every: schedule.checkpoint_every,
-        samples_every: schedule.samples_every,
-        patience: schedule.patience,
-    };
-    if teach(learner.as_mut(), &plan, run, newest.as_deref())? == Ending::Stopped {
+    if teach(learner.as_mut(), &config.schedule.plan(), run, newest.as_deref())? == Ending::Stopped {
         return Ok(None);
     }
     let scores = scores(config, &run.out, &run.data)?;
